@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from cqblend.blends.network.bridge_pairing import pair_loops
+from cqblend.blends.network.bridge_pairing import RailPairing, pair_loops
 from cqblend.blends.network.bridge_ribbons import BridgeCell, BridgeDirections, fit_bridge_ribbons
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _BridgedBodies:
+class BridgedBodies:
     """The bodies of a shape that a bridge joins, as one body, and both sides on it."""
 
     shape: TopoDS_Shape
@@ -79,15 +79,10 @@ def bridge_shape(shape: TopoDS_Shape, given: tuple[GivenSide, GivenSide], reques
     CqblendError
         The bridge cannot be made, crosses itself or a body, or the result does not verify.
     """
-    joined = _read_bodies(shape, given)
-    first, second = joined.sides
-    pairing = pair_loops((first.loop, second.loop), request.start)
-    directions = BridgeDirections(request.tangents, request.bulge, request.orders, request.steer)
-    if request.section == "pde":  # equations take as many cross derivatives on both sides as they have conditions
-        directions = replace(directions, orders=(request.equation_order // 2 - 1,) * 2)
-    cells = fit_bridge_ribbons(pairing, directions)
-    blends = [_fill_cell(cell, request) for cell in cells]
-    placed = [_place_cell(joined, cell, blend) for cell, blend in zip(cells, blends, strict=True)]
+    joined = read_bodies(shape, given)
+    pairing, cells = fit_cells(joined, request)
+    blends = [fill_cell(cell, request) for cell in cells]
+    placed = [place_cell(joined, cell, blend) for cell, blend in zip(cells, blends, strict=True)]
     proposal = apply_plan(joined.index, plan_bridge(joined.index, joined.sides, pairing, placed))
     faces = [strip.blend_face for strip in proposal.strips]
     crossing = find_self_crossing(faces)
@@ -111,7 +106,7 @@ def bridge_shape(shape: TopoDS_Shape, given: tuple[GivenSide, GivenSide], reques
     return BlendedShape(result, tuple(faces), certificate)
 
 
-def _read_bodies(shape: TopoDS_Shape, given: tuple[GivenSide, GivenSide]) -> _BridgedBodies:
+def read_bodies(shape: TopoDS_Shape, given: tuple[GivenSide, GivenSide]) -> BridgedBodies:
     """Find the bodies of both sides, make one of them, and read the sides on it."""
     whole = SolidIndex(shape)
     solids = [body for body in list_bodies(shape) if is_solid(body)]
@@ -135,7 +130,15 @@ def _read_bodies(shape: TopoDS_Shape, given: tuple[GivenSide, GivenSide]) -> _Br
         SideReader(index, f"side {k + 1}", name_part, is_reversed=k == 0).read(one) for k, one in enumerate(given)
     )
     _require_apart(index, (first, second), name_part)
-    return _BridgedBodies(shape, tuple(bodies), index, (first, second), name_part)
+    return BridgedBodies(shape, tuple(bodies), index, (first, second), name_part)
+
+
+def fit_cells(joined: BridgedBodies, request: BridgeRequest) -> tuple[RailPairing, list[BridgeCell]]:
+    """Pair the rails of both sides, and fit the ribbons of all cells between them."""
+    first, second = joined.sides
+    pairing = pair_loops((first.loop, second.loop), request.start)
+    directions = BridgeDirections(request.tangents, request.bulge, request.orders, request.steer)
+    return pairing, fit_bridge_ribbons(pairing, directions)
 
 
 def _choose_part(given: GivenSide, name: str) -> TopoDS_Shape:
@@ -166,7 +169,7 @@ def _require_apart(
             )
 
 
-def _fill_cell(cell: BridgeCell, request: BridgeRequest) -> BlendSurface:
+def fill_cell(cell: BridgeCell, request: BridgeRequest) -> BlendSurface:
     """Make the surface of a cell, and check that it neither folds nor has a crease."""
     options = request.form, request.tolerance, request.angular_tolerance
     if request.section == "pde":
@@ -184,7 +187,7 @@ def _fill_cell(cell: BridgeCell, request: BridgeRequest) -> BlendSurface:
     return blend
 
 
-def _place_cell(joined: _BridgedBodies, cell: BridgeCell, blend: BlendSurface) -> PlacedCell:
+def place_cell(joined: BridgedBodies, cell: BridgeCell, blend: BlendSurface) -> PlacedCell:
     """Prepare to put the surface of a cell between its support faces."""
     supports = []
     for run, side in zip(cell.runs, joined.sides, strict=True):
@@ -196,7 +199,7 @@ def _place_cell(joined: _BridgedBodies, cell: BridgeCell, blend: BlendSurface) -
     )
 
 
-def _verify(joined: _BridgedBodies, proposal: ProposedSolid, request: BridgeRequest) -> None:
+def _verify(joined: BridgedBodies, proposal: ProposedSolid, request: BridgeRequest) -> None:
     """Check the new solid, and that the bridge is outside of the bodies.
 
     Raises
@@ -235,7 +238,7 @@ def _show_point(point: Array) -> str:
     return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 
-def _certify_cell(joined: _BridgedBodies, one: PlacedCell, strip: BuiltStrip, proposal: ProposedSolid) -> Certificate:
+def _certify_cell(joined: BridgedBodies, one: PlacedCell, strip: BuiltStrip, proposal: ProposedSolid) -> Certificate:
     """Measure one face of the bridge."""
     whole = SolidIndex(joined.shape)
     first, second = (whole.faces.find_number(side.face) for side in one.placed.sides)
@@ -247,7 +250,7 @@ def _certify_cell(joined: _BridgedBodies, one: PlacedCell, strip: BuiltStrip, pr
     return replace(certificate, edges=tuple(corners))  # a seam at a corner is not smooth
 
 
-def _check_promises(certificate: Certificate, joined: _BridgedBodies, request: BridgeRequest) -> None:
+def _check_promises(certificate: Certificate, joined: BridgedBodies, request: BridgeRequest) -> None:
     """Check that the finished faces measure up to what was asked for.
 
     Raises

@@ -3,7 +3,14 @@
 import cadquery as cq
 from OCP.TopAbs import TopAbs_FACE
 
-from cqblend.brep.bodies import list_bodies, make_shell, replace_body, replace_body_faces
+from cqblend.brep.bodies import (
+    join_shells,
+    list_bodies,
+    make_shell,
+    replace_bodies,
+    replace_body,
+    replace_body_faces,
+)
 from cqblend.brep.topology import ShapeIndex
 
 BOX = cq.Solid.makeBox(3, 2, 1)
@@ -62,3 +69,19 @@ def test_faces_of_solids_and_of_shells_are_replaced_by_number():
             assert changed.ShapeType() == body.ShapeType()
             expected = [other if n == 2 else index[n] for n in range(1, len(index) + 1) if n not in removed] + [added]
             assert [face.IsSame(one) for face, one in zip(wrapped(changed), expected, strict=True)].count(False) == 0
+
+
+def test_bodies_that_a_bridge_joins_become_one_with_their_shells():
+    other, hollow = (
+        BOX.moved(cq.Location((0, 9, 0))),
+        cq.Solid.makeBox(9, 9, 9, (20, 0, 0)).cut(cq.Solid.makeBox(3, 3, 3, (23, 3, 3))),
+    )
+    solids = [BOX.wrapped, hollow.Solids()[0].wrapped]
+    parts = [BOX.Faces()[0].wrapped, max(hollow.Faces(), key=lambda face: face.Area()).wrapped]
+    joined = cq.Shape.cast(join_shells(solids, parts))
+    assert sorted(len(shell.Faces()) for shell in joined.Shells()) == [6, 12]
+    shape = cq.Compound.makeCompound([BOX, OPEN, other])
+    result = cq.Shape.cast(replace_bodies(shape.wrapped, [BOX.wrapped, other.wrapped], joined.wrapped))
+    assert kinds(result) == ["Solid", "Shell"]
+    pair = cq.Compound.makeCompound([BOX, other])
+    assert cq.Shape.cast(replace_bodies(pair.wrapped, [BOX.wrapped, other.wrapped], joined.wrapped)).isSame(joined)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import SupportSurface
 from cqblend.blends.network.tolerances import BRIDGE_TOLERANCES
-from cqblend.splines import Curve
+from cqblend.splines import Curve, interpolate
 from cqblend.splines.antiderivative import Antiderivative
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
@@ -155,10 +155,45 @@ class RailLoop:
         return out
 
     @cached_property
+    def _sampled_lengths(self) -> Array:
+        """Lengths (n,) from the start, at equal distances."""
+        count = BRIDGE_TOLERANCES.loop_samples
+        return np.arange(count) / count * self.length
+
+    @cached_property
     def samples(self) -> Array:
         """Points (n, 3) at equal distances."""
-        count = BRIDGE_TOLERANCES.loop_samples
-        return np.asarray(self.evaluate(np.arange(count) / count * self.length)[0])
+        return np.asarray(self.evaluate(self._sampled_lengths)[0])
+
+    @cached_property
+    def tightness(self) -> Curve:
+        """How little room (1/mm) a bridge has that leaves into the opening, over the length of the loop.
+
+        That is about the curvature of the largest circle there that touches the loop and the side of the opening that
+        faces it, or half of that of the loop itself, if it is more. It is smooth, and never much below either.
+        """
+        s, step = self._sampled_lengths, self.length / BRIDGE_TOLERANCES.loop_samples
+        tangents, away = self.evaluate(s)[1], np.empty((len(s), 3))
+        index = np.searchsorted(self.starts, s, side="right") - 1
+        for k in np.unique(index).tolist():
+            here, support = index == k, self.pieces[k].support
+            normals = support.primary.evaluate_normals(self.pieces[k].locate(s[here] - self.starts[k]))
+            away[here] = self.outward * support.outward * cross_product(normals, tangents[here])
+        rates = (np.roll(tangents, -1, axis=0) - np.roll(tangents, 1, axis=0)) / (2 * step)
+        bends = (rates * away).sum(axis=1) / 2
+        corners = np.round(self.breaks / step).astype(int)
+        bends[np.mod(np.add.outer(corners, [-1, 0, 1]), len(s))] = 0.0
+        arms = self.samples[None] - self.samples[:, None]
+        facing = tangents @ tangents.T < BRIDGE_TOLERANCES.facing_cosine
+        squares = np.where(facing, (arms**2).sum(axis=-1), np.inf)
+        across = (2 * np.einsum("ijk,ik->ij", arms, away) / squares).max(axis=1)
+        tight = np.maximum(np.maximum(bends, across), 0.0)
+        reach = BRIDGE_TOLERANCES.tightness_reach
+        shifts = range(-round(reach * len(s)), round(reach * len(s)) + 1)
+        largest = np.max([np.roll(tight, shift) for shift in shifts], axis=0)
+        decay = np.exp(-2 * (np.pi * reach * np.arange(len(s) // 2 + 1)) ** 2)
+        smooth = np.maximum(np.fft.irfft(np.fft.rfft(largest) * decay, len(s)), 0.0)
+        return interpolate(np.append(s, self.length), np.append(smooth, smooth[0])[:, None], periodic=True)
 
     @cached_property
     def centre(self) -> Array:

@@ -108,22 +108,22 @@ class _CellContacts:
             loop, run = self.pairing.loops[side], self.runs[side]
             normals = normalise_vectors(cross_product(jet[1], jet[2]))
             outward = loop.outward * run.support.outward * cross_product(normals, tangents)
-            lengths.append(choose_cross_lengths(outward, chord * (1 - 2 * side), loop.centre - points[side]))
+            tightness = np.maximum(loop.tightness(np.mod(positions[side], loop.length))[:, 0], 0.0)
+            lengths.append(choose_cross_lengths(outward, chord * (1 - 2 * side), tightness))
         return Contacts(t, points.mean(axis=0), (first, second), np.stack(lengths))
 
 
-def choose_cross_lengths(outward: Array, chords: Array, arms: Array) -> Array:
+def choose_cross_lengths(outward: Array, chords: Array, tightness: Array) -> Array:
     """Return the lengths (n,) of the cross derivatives, before any bulge.
 
     They are about those of circular arcs that leave in the unit directions ``outward`` (n, 3) to the ends of ``chords``
-    (n, 3), 2 |d| / (1 + cos). But directions towards the middle of an opening, along ``arms`` (n, 3) to there, must not
-    lead past it, however far the other rail is.
+    (n, 3), 2 |d| / (1 + cos); but shorter where an opening has little room for them, by its ``tightness`` (n,), 1/mm,
+    however far the other rail is.
     """
-    distance, reach = measure_lengths(chords), measure_lengths(arms)
+    distance = measure_lengths(chords)
     cosine = (outward * chords).sum(axis=1) / distance
     lengths = 2 * distance / np.hypot(1 + cosine, BRIDGE_TOLERANCES.turn_softening)
-    inward = np.maximum((outward * arms).sum(axis=1) / reach, 0.0)
-    return np.asarray(lengths / (1 + inward**2 * lengths / (BRIDGE_TOLERANCES.inset * reach)))
+    return np.asarray(lengths / (1 + lengths * tightness / BRIDGE_TOLERANCES.inset))
 
 
 def fit_bridge_ribbons(pairing: RailPairing, wanted: BridgeDirections) -> list[BridgeCell]:

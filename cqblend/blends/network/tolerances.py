@@ -45,7 +45,10 @@ class NetworkTolerances:
     """Radians: straight curves that leave a common end at less lie on each other."""
 
     cut_fit: float = 1e-12
-    """Relative to the radius: largest error of an ellipse in the parameters of its cylinder, where it is a spline."""
+    """Relative to their size, at least 1: largest error of an ellipse in the parameters of its strip, as a spline."""
+
+    mapped_rounding: float = 1e-14
+    """Relative to the largest parameter: what is added to that error where a curve is mapped to another plane."""
 
     cut_spans: int = 4
     """Spans from which on that is fitted."""
@@ -212,7 +215,13 @@ class BridgeTolerances:
     backwards stay short: they have at most so many chords as 2 over this."""
 
     inset: float = 2.0
-    """Bridges that leave towards the middle of an opening do so by at most so many distances from there."""
+    """Largest length of cross derivatives that lead into an opening, in radii of the largest circle in it there."""
+
+    facing_cosine: float = -0.75
+    """Cosine between the tangents of a loop below which parts of it face each other across the opening."""
+
+    tightness_reach: float = 0.025
+    """Share of a loop over which its bends count, to either side of them."""
 
 
 NETWORK_TOLERANCES = NetworkTolerances()
