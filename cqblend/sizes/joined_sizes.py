@@ -106,8 +106,18 @@ def join_sizes(
         return values
 
     joined = check_law(name, lambda t: evaluate_whole(np.atleast_1d(t)))
+    if not isinstance(joined, SizeLaw):
+        return joined
     corners = {corner for size in sizes if isinstance(size, SizeLaw) for corner in size.corners}
-    return replace(joined, corners=tuple(sorted(corners))) if isinstance(joined, SizeLaw) else joined
+    joined = replace(joined, corners=tuple(sorted(corners)))
+    if any(place == 1.0 for place in places):
+        return joined
+
+    def measure_slope(end: float) -> float:
+        part = sizes[-1 if end else 0]
+        return part.measure_slope(end) * part.factor if isinstance(part, SizeLaw) else 0.0
+
+    return replace(joined, measure_slope=measure_slope)  # differences do not tell it beside a short part
 
 
 def _fade_in(x: FloatArray) -> FloatArray:

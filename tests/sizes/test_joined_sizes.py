@@ -84,3 +84,9 @@ def test_several_such_parts_are_one_change():
 def test_a_closed_chain_may_end_in_such_a_part():
     law = joined([1.0, None, 3.0, None], closed=True, stops=[0.25, 0.5, 0.75, 1.0]).close()
     assert law(np.array([0.1, 0.375, 0.6, 0.875, 1.0])) == pytest.approx([1.0, 2.0, 3.0, 2.0, 1.0])
+
+
+def test_a_change_may_be_short():
+    law = joined([1.0, None, 3.0, None], closed=True, stops=[0.25, 0.254, 0.997, 1.0]).close()
+    assert law(np.array([0.1, 0.252, 0.6, 0.9985, 1.0])) == pytest.approx([1.0, 2.0, 3.0, 2.0, 1.0])
+    assert [law.measure_slope(end) for end in (0.0, 1.0)] == [0.0, 0.0]

@@ -26,12 +26,18 @@ def make_hollow_box() -> cq.Shape:
     return make_box().cut(cq.Workplane().center(10, 10).circle(12).extrude(40, both=True).val())
 
 
+def make_half_cylinder() -> cq.Shape:
+    """Return a half cylinder: rails on its flat face and along its rim cross twice."""
+    return cq.Workplane().circle(10).extrude(20).intersect(cq.Workplane().box(40, 40, 40).translate((0, 20, 0))).val()
+
+
 BODIES = {
     "box": (make_box, (10, 10, 10), 2.0),
     "pyramid 4": (lambda: make_pyramid(4), (0, 0, 6), 0.8),
     "pyramid 5": (lambda: make_pyramid(5), (0, 0, 6), 0.8),
     "pyramid 6": (lambda: make_pyramid(6), (0, 0, 6), 0.8),
     "quarter cylinder": (make_quarter_cylinder, (0, 10, 20), 1.0),
+    "half cylinder": (make_half_cylinder, (10, 0, 20), 1.0),
     "hollow box": (make_hollow_box, (10, -2, 10), 1.0),
     "pocket": (
         lambda: cq.Workplane().box(30, 30, 10).faces(">Z").workplane().rect(16, 16).cutBlind(-6).val(),
@@ -118,8 +124,7 @@ def test_four_edges_at_an_apex_are_blended_without_being_asked_how():
     _, edges, result = blend_at("pyramid 4", "auto")
     (patch,) = check_corners(result, 1)
     assert patch.geomType() == "SPHERE"
-    text = str(result.certificate)
-    assert text.count("an edge between two blends has gap") == len(edges)
+    assert f"{len(edges)} edges between blends: gap " in str(result.certificate)
 
 
 def test_where_no_ball_fits_rails_cross():

@@ -71,6 +71,18 @@ def test_rail_runs_on_an_earlier_round_all_along(thickness, round_, radius):
     assert blended.shape.Volume() == pytest.approx(edge.fillet(radius).val().Volume(), rel=1e-8)
 
 
+def test_rail_runs_exactly_along_the_smooth_edge():
+    body = make_slab(3, 2)
+    blended = cqblend.blend_edges(body, pick_edge(body, (0, 6, 0)), 1.0)
+    assert len(blended.shape.Faces()) == 7
+    assert blended.shape.Volume() == pytest.approx(20 * (36 - (1 - np.pi / 4) * (2**2 + 1**2)), rel=1e-12)
+    check_sound(body, blended)
+    plate = make_rounded_plate(3, 2)
+    rim = cqblend.blend_edges(plate, plate.faces("<Z").edges(), 1.0)
+    assert len(rim.shape.Faces()) == 18
+    check_sound(plate, rim)
+
+
 def test_rail_passes_from_the_wall_to_the_round_above_it():
     body = make_wedge(2.6, 6, 2)
     edge = pick_edge(body, (0, -12, 0))

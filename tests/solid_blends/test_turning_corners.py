@@ -240,3 +240,32 @@ def test_the_size_changes_along_the_end_of_the_first_blend_and_nowhere_else():
         probe = cq.Vertex.makeVertex(*centre.toTuple())
         assert shape.distance(probe) == 0.0  # inside the solid
         assert min(face.distance(probe) for face in shape.Faces()) == pytest.approx(radius, rel=5e-4)
+
+
+def make_angle(*, oblique: bool) -> cq.Shape:
+    """An angle profile: at its inner corner, one edge is concave and two are convex."""
+    corners = [(0, 0), (20, 0), (22, 9), (9, 7), (7, 20), (0, 22)]
+    prism = cq.Workplane().polyline(corners).close().extrude(14)
+    if not oblique:
+        return prism.val()
+    above = cq.Workplane().box(80, 80, 20).rotate((0, 0, 0), (1, 0.4, 0), 12).translate((8, 8, 20))
+    return prism.cut(above).val()
+
+
+def make_tapered_boss() -> cq.Shape:
+    return cq.Workplane().box(40, 30, 8).faces(">Z").workplane().rect(16, 12).extrude(10, taper=10).val()
+
+
+@pytest.mark.parametrize(
+    ("make", "rel"),
+    [
+        (lambda: make_angle(oblique=False), 1e-12),  # a torus around the concave blend
+        (lambda: make_angle(oblique=True), 1e-4),
+        (make_tapered_boss, 1e-4),
+    ],
+)
+def test_two_edges_go_around_the_blend_of_one_of_the_other_convexity(make, rel):
+    body = make()
+    result = cqblend.blend_edges(body, body.Edges(), RADIUS)
+    assert_smooth(result, 1e-11, 1e-7)
+    assert result.shape.Volume() == pytest.approx(body.fillet(RADIUS, body.Edges()).Volume(), rel=rel)

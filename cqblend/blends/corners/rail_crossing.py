@@ -26,16 +26,15 @@ class RailCrossing:
     tangents: Array
 
 
-def cross_rails(first: Curve, second: Curve) -> RailCrossing:
-    """Return the crossing of two rails on one face, which may lie past their ends.
+def cross_rails(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> RailCrossing:
+    """Return the crossing of two rails on one face that is the nearest to given ends (0 or 1), or lies past them.
 
     Raises
     ------
     GeometryError
         If they do not cross.
     """
-    curves = (first, second)
-    t = _guess_crossing(curves)
+    t = _guess_crossing(curves, ends)
     longest = CORNER_TOLERANCES.crossing_step * np.array([np.ptp(one.domain) for one in curves])
     for _ in range(CORNER_TOLERANCES.crossing_steps):
         jets = np.stack([one.jet(np.array([at]), 1)[:, 0] for one, at in zip(curves, t, strict=True)])
@@ -61,12 +60,19 @@ def cross_end_tangents(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> Ar
     return np.asarray(stops + steps)
 
 
-def _guess_crossing(curves: tuple[Curve, Curve]) -> Array:
-    """Return the parameters (2,) at which samples of two curves are nearest to each other."""
-    t = [np.linspace(*one.domain, CORNER_TOLERANCES.rail_crossing_samples) for one in curves]
+def _guess_crossing(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> Array:
+    """Return the parameters (2,) of samples of two curves that are near to each other, the nearest to given ends.
+
+    If none are as near as neighbours of one curve, they are those at the least distance.
+    """
+    count = CORNER_TOLERANCES.rail_crossing_samples
+    t = [np.linspace(*(one.domain[::-1] if end else one.domain), count) for one, end in zip(curves, ends, strict=True)]
     first, second = (one(at) for one, at in zip(curves, t, strict=True))
-    distances = ((first[:, None] - second) ** 2).sum(axis=2)
-    i, k = np.unravel_index(distances.argmin(), distances.shape)
+    distances = np.linalg.norm(first[:, None] - second, axis=2)
+    spacing = max(float(np.linalg.norm(np.diff(points, axis=0), axis=1).max()) for points in (first, second))
+    far = np.add.outer(np.arange(count), np.arange(count))
+    order = np.where(distances <= spacing, far, 2 * count + distances / spacing)
+    i, k = np.unravel_index(order.argmin(), order.shape)
     return np.array([t[0][i], t[1][k]])
 
 
@@ -81,12 +87,19 @@ def build_end_section(surface: Surface, stops: Array, directions: Array) -> Curv
         The parameters t (2,) at v = 0 and v = 1.
     directions
         The directions (2, 3) of the other rails there, of any sense, in the tangent planes of the strip.
+
+    Raises
+    ------
+    GeometryError
+        If another rail runs in the direction of this strip's own.
     """
     v = np.array([0.0, 1.0])
     along, across = surface(stops, v, 1, 0), surface(stops, v, 0, 1)
     slopes = []
     for rate, width, direction in zip(along, across, directions, strict=True):
         factors, *_ = np.linalg.lstsq(np.stack([rate, width], axis=1), direction, rcond=None)
+        if not abs(factors[1]) > CORNER_TOLERANCES.square_section * abs(factors[0]):
+            raise GeometryError("the rails of two blends run in one direction where they meet")
         slopes.append(factors[0] / factors[1])
     low, high = stops
     t = np.array([low, low + slopes[0] / 3, high - slopes[1] / 3, high])

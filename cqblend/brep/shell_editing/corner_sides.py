@@ -167,7 +167,7 @@ def require_faces_between(strips: Sequence[CornerStrip]) -> None:
 def cross_all_rails(strips: Sequence[CornerStrip]) -> list[RailCrossing]:
     """Return where the rails of every strip and the next one cross."""
     return [
-        cross_rails(one.rails[one.following], other.rails[other.preceding])
+        cross_rails((one.rails[one.following], other.rails[other.preceding]), (one.end, other.end))
         for one, other in zip(strips, [*strips[1:], strips[0]], strict=True)
     ]
 
@@ -236,11 +236,11 @@ def _estimate_crossings(strips: Sequence[CornerStrip]) -> list[tuple[float, floa
     """Return the parameters of every strip and of the next one at which their rails cross, or would if they went on."""
     found = []
     for one, other in zip(strips, [*strips[1:], strips[0]], strict=True):
-        first, second = one.rails[one.following], other.rails[other.preceding]
+        rails, ends = (one.rails[one.following], other.rails[other.preceding]), (one.end, other.end)
         try:
-            t = cross_rails(first, second).parameters
+            t = cross_rails(rails, ends).parameters
         except GeometryError:
-            t = cross_end_tangents((first, second), (one.end, other.end))
+            t = cross_end_tangents(rails, ends)
         found.append((float(t[0]), float(t[1])))
     return found
 
