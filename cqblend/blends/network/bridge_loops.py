@@ -185,9 +185,10 @@ class RailLoop:
             """Return the curvatures (n,) of the circles that touch parts of the loop that face the points."""
             return np.asarray((depths / np.where(facing, squares, np.inf)).max(axis=1))
 
-        tight = np.maximum(bends, measure_circles(cosines < BRIDGE_TOLERANCES.facing_cosine))
+        facing = cosines < BRIDGE_TOLERANCES.facing_cosine
+        tight = np.maximum(bends, measure_circles(facing & ~self._sampled_neighbours))
         if len(self.breaks):
-            everywhere = measure_circles(cosines < BRIDGE_TOLERANCES.oblique_cosine)
+            everywhere = measure_circles(squares > 0)
             inside = everywhere[everywhere > 0]
             tight = np.maximum(tight, inside.min() if len(inside) else 0.0)
         return self._smooth(np.maximum(tight, 0.0))
@@ -203,6 +204,14 @@ class RailLoop:
             normals = support.primary.evaluate_normals(self.pieces[k].locate(s[here] - self.starts[k]))
             away[here] = self.outward * support.outward * cross_product(normals, tangents[here])
         return tangents, away
+
+    @property
+    def _sampled_neighbours(self) -> Array:
+        """Which points (n, n) at equal distances are on two parts of the loop that meet in a corner."""
+        count = len(self.breaks)
+        part = np.searchsorted(self.breaks, self._sampled_lengths, side="right") % max(count, 1)
+        apart = np.mod(part[:, None] - part[None], max(count, 1))
+        return np.asarray(((apart == 1) | (apart == count - 1)) & (apart != 0))
 
     def _smooth(self, values: Array) -> Curve:
         """Return values (n,) at equal distances as a smooth function that is about the largest of those nearby."""

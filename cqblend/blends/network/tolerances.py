@@ -221,9 +221,6 @@ class BridgeTolerances:
     facing_cosine: float = -0.75
     """Cosine between the tangents of a loop below which parts of it face each other across the opening."""
 
-    oblique_cosine: float = -0.3
-    """The same of sides of an opening with corners."""
-
     tightness_reach: float = 0.025
     """Share of a loop over which its bends count, to either side of them."""
 
