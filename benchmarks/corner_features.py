@@ -86,7 +86,7 @@ def two_bosses_side_by_side() -> CornerPart:
         .box(8, 12, 7, centered=(False, True, False))
         .union(cq.Workplane().box(8, 9, 11, centered=(False, True, False)).translate((-8, 0, 0)))
     )
-    return picked(make_plate().union(bosses.translate((0, 0, 8))), "", 0.8)
+    return picked(make_plate().union(bosses.translate((0, 0, 8))), "", 0.5)
 
 
 def corner_of_a_room() -> CornerPart:

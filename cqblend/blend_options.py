@@ -152,8 +152,9 @@ class BlendOptions:
         between arcs, where one ball touches all faces there; ``"cross"``, by patches between blends that end where
         their rails cross; ``"setback"``, by patches between blends that end before that, and curves that round off the
         corners of the faces; ``"auto"``, at three edges by blends that go on around each other, elsewhere by the first
-        of those that fits. Patches are as smooth with all around as blends are along their rails. Blends of two edges
-        beside a sharp one always meet in a mitre, their intersection; ``"mitre"`` refuses all other corners.
+        of those that fits. Patches have common tangent planes with all around, to rounding, and no more: beside blends
+        of G2, ``certificate.edges`` has the jump of curvature. Blends of two edges beside a sharp one always meet in a
+        mitre, their intersection; ``"mitre"`` refuses all other corners.
     setback : float or mapping, optional
         Of ``corner="setback"``: the distance from the vertex at which blends end, along their edges, mm; a mapping has
         one for each of some picked edges. By default it follows from the widths and the angles of the faces.

@@ -129,6 +129,9 @@ class EdgeRecord:
         but one.
     tolerance : float
         The edge's tolerance, mm, which covers the gap.
+    curvature_jump : float or None
+        Largest jump of the normal curvature across the edge, 1/mm; None where there is no angle. Cells of chains and
+        patches of corners meet their neighbours G1, whatever the continuity along rails.
     """
 
     kind: NewEdgeKind
@@ -137,6 +140,7 @@ class EdgeRecord:
     gap: float
     angle: float | None
     tolerance: float
+    curvature_jump: float | None = None
 
     @property
     def strays(self) -> bool:
@@ -159,8 +163,12 @@ class EdgeRecord:
         )
 
 
-_SMOOTH_KINDS = ("between", "spoke", "corner curve")
-"""Kinds of edges inside a blend, or beside a patch, that the text of a certificate lists."""
+_SMOOTH_KINDS: dict[NewEdgeKind, str] = {
+    "between": "between blends",
+    "spoke": "between patches of a corner",
+    "corner curve": "of patches beside faces",
+}
+"""Kinds of edges inside a blend, or beside a patch, of which the text of a certificate has the largest figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -407,9 +415,25 @@ class Certificate:
         ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
-        edges = [str(edge) for edge in self.edges if edge.strays or edge.kind in _SMOOTH_KINDS]
+        edges = [
+            *(str(edge) for edge in self.edges if edge.strays),
+            *_summarise_smooth_edges(self.edges),
+        ]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
         return "\n".join((*head, *_format_table(self.rails), *kept, *held, *covered, *flat, *edges, *skipped))
+
+
+def _summarise_smooth_edges(edges: Sequence[EdgeRecord]) -> list[str]:
+    """Return a line for each kind of edges between blends and patches, with the largest figures of all of them."""
+    lines = []
+    for kind, name in _SMOOTH_KINDS.items():
+        own = [edge for edge in edges if edge.kind == kind]
+        if own:
+            figures = [(edge.gap, edge.angle or 0.0, edge.curvature_jump or 0.0) for edge in own]
+            gap, angle, jump = map(max, zip(*figures, strict=True))
+            count = "1 edge" if len(own) == 1 else f"{len(own)} edges"
+            lines.append(f"{count} {name}: gap {gap:.1e} mm, angle {angle:.1e} rad, curvature jump {jump:.1e} 1/mm")
+    return lines
 
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:

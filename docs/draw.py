@@ -142,43 +142,43 @@ def full_round() -> None:
     picture.draw_views(views, PICTURES / "full_round.png", size=(1000, 270))
 
 
+def draw_with_stripes(made: dict[str, Any], looks: dict[str, Any], name: str, size: tuple[int, int]) -> None:
+    """Draw results side by side, with blends in copper, and below each, nearer by, with stripes.
+
+    ``looks`` has for each from where, and the middle and the height (mm) of what is seen, whole and striped.
+    """
+    views = []
+    for i, (result, (eye, *framings)) in enumerate((made[one], look) for one, look in looks.items()):
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        striped = [ShadedFaces(result.shape.Faces(), None)]
+        left, right = i / len(looks), (i + 1) / len(looks)
+        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
+            views.append(View(drawn, eye, focus, height, (left, (1 - j) / 2, right, (2 - j) / 2)))
+    picture.draw_views(views, PICTURES / f"{name}.png", size=size)
+
+
 def chains() -> None:
     """Draw the rim of a prism with lines, a spline and an arc, that of a sheared one, and a blend that runs out."""
     made = runpy.run_path(str(EXAMPLES / "chains.py"))["results"]
-    looks = {  # of each: from where, and the middle and the height of what is seen, whole and striped
+    looks = {
         "outline": ((0.6, -1, 1.1), ((1, 0, 8), 36), ((10, -4, 9), 14)),
         "sheared": ((0.7, -1, 0.9), ((3, 0, 5), 34), ((16, -6, 9), 11)),
         "window": ((0.55, 1, 0.45), ((0, 17, 20), 27), ((3, 19, 26), 13)),
     }
-    views = []
-    for i, (name, (eye, *framings)) in enumerate(looks.items()):
-        result = made[name]
-        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
-        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
-        striped = [ShadedFaces(result.shape.Faces(), None)]
-        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
-            views.append(View(drawn, eye, focus, height, (i / 3, (1 - j) / 2, (i + 1) / 3, (2 - j) / 2)))
-    picture.draw_views(views, PICTURES / "chains.png", size=(900, 560))
+    draw_with_stripes(made, looks, "chains", (900, 560))
 
 
 def corners() -> None:
     """Draw whole selections of edges that meet in corners, and below, striped, a corner of each."""
     made = runpy.run_path(str(EXAMPLES / "corners.py"))["results"]
-    looks = {  # of each: from where, and the middle and the height of what is seen, whole and striped
+    looks = {
         "angle": ((0.8, -1, 0.9), ((12, 11, 8), 38), ((22, 3, 12), 13)),
         "outline": ((1, -0.7, 0.9), ((12, 12, 4), 34), ((20, 12, 8), 14)),
         "block": ((0.8, -1, 0.8), ((0, 0, 0), 32), ((11, -7, 5), 11)),
         "tower": ((0.7, -1, 0.9), ((0, 0, 5), 50), ((3, -7, 6), 17)),
     }
-    views = []
-    for i, (name, (eye, *framings)) in enumerate(looks.items()):
-        result = made[name]
-        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
-        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
-        striped = [ShadedFaces(result.shape.Faces(), None)]
-        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
-            views.append(View(drawn, eye, focus, height, (i / 4, (1 - j) / 2, (i + 1) / 4, (2 - j) / 2)))
-    picture.draw_views(views, PICTURES / "corners.png", size=(1120, 560))
+    draw_with_stripes(made, looks, "corners", (1120, 560))
 
 
 def circle_speeds() -> None:

@@ -115,9 +115,9 @@ def test_edges_that_are_no_rails_are_printed_only_if_they_stray_or_join_two_blen
         "edge 7: the end at vertex 3 has gap 2.0e-07 mm, tolerance 1.0e-07 mm"
     )
     between = replace(seam, kind="between")
-    assert "edge 7: an edge between two blends has gap 1.0e-12 mm, angle 2.0e-13 rad" in str(
-        replace(ONE, edges=(between,))
-    )
+    worse = replace(between, angle=3e-13, curvature_jump=0.5)
+    lines = str(replace(ONE, edges=(between, worse))).splitlines()
+    assert lines[-1] == "2 edges between blends: gap 1.0e-12 mm, angle 3.0e-13 rad, curvature jump 5.0e-01 1/mm"
 
 
 def test_merged_certificates_have_the_edges_of_all():

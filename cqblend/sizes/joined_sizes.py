@@ -17,7 +17,7 @@ from cqblend.sizes.tolerances import LAW_TOLERANCES
 
 def join_sizes(
     name: str,
-    sizes: Sequence[float | SizeLaw],
+    sizes: Sequence[float | SizeLaw | None],
     stops: Sequence[float],
     taper: float | None,
     name_place: Callable[[int], str],
@@ -31,7 +31,9 @@ def join_sizes(
     name
         What messages call it.
     sizes
-        The sizes, by part; laws are functions of the t of the whole.
+        The sizes, by part; laws are functions of the t of the whole. Of a part without one, None, the size changes all
+        along from that of the part before to that of the part after, with two vanishing derivatives at both ends. The
+        first part has one, and so has the last, unless the first one follows it.
     stops
         The t at which the parts end; the last one is 1.
     taper
@@ -47,13 +49,25 @@ def join_sizes(
     InputError
         Sizes differ where two parts meet, and there is no taper, or not enough room for it; or as :func:`check_law`.
     """
-    if all(size is sizes[0] or size == sizes[0] for size in sizes):
-        return sizes[0]
+    first = sizes[0]
+    if first is not None and all(size is first or size == first for size in sizes):
+        return first
     count, steps = len(sizes), list[tuple[float, int]]()  # where sizes differ, and the part before
 
     def evaluate_part(k: int, t: FloatArray) -> FloatArray:
         size = sizes[k % count]
+        if size is None:
+            return change_gradually(k % count, t)
         return size(np.clip(t, 0.0, 1.0)) if isinstance(size, SizeLaw) else np.full(len(t), size)
+
+    def change_gradually(k: int, t: FloatArray) -> FloatArray:
+        before = max(j for j in range(k) if sizes[j] is not None)
+        after = next((j for j in range(k, count) if sizes[j] is not None), count)
+        start, stop = stops[before], stops[after - 1]
+        first = evaluate_part(before, np.array([start]))[0]
+        last = evaluate_part(after, np.array([stop if after < count else 0.0]))[0]
+        share = _fade_in(np.clip((t - start) / (stop - start), 0.0, 1.0))
+        return np.asarray(first + (last - first) * share)
 
     for k in range(count if closed else count - 1):
         before = float(evaluate_part(k, np.array([stops[k]]))[0])
@@ -85,12 +99,27 @@ def join_sizes(
                 offset = offset - np.round(offset)
             near = np.abs(offset) < half
             x = offset[near] / (2 * half) + 0.5
-            share = x**3 * (10 - 15 * x + 6 * x**2)
+            share = _fade_in(x)
             values[near] = (1 - share) * evaluate_part(k, place + offset[near]) + share * evaluate_part(
                 k + 1, place + offset[near] - (place == 1.0)
             )
         return values
 
     joined = check_law(name, lambda t: evaluate_whole(np.atleast_1d(t)))
+    if not isinstance(joined, SizeLaw):
+        return joined
     corners = {corner for size in sizes if isinstance(size, SizeLaw) for corner in size.corners}
-    return replace(joined, corners=tuple(sorted(corners))) if isinstance(joined, SizeLaw) else joined
+    joined = replace(joined, corners=tuple(sorted(corners)))
+    if any(place == 1.0 for place in places):
+        return joined
+
+    def measure_slope(end: float) -> float:
+        part = sizes[-1 if end else 0]
+        return part.measure_slope(end) * part.factor if isinstance(part, SizeLaw) else 0.0
+
+    return replace(joined, measure_slope=measure_slope)  # differences do not tell it beside a short part
+
+
+def _fade_in(x: FloatArray) -> FloatArray:
+    """Return the quintic from 0 at x = 0 to 1 at x = 1 of which two derivatives vanish at both ends."""
+    return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))

@@ -44,7 +44,8 @@ def blend_shape(
 ) -> BlendedShape:
     """Blend edges of a shape.
 
-    With ``hints``, errors of size say what may fit instead. With ``on_error="skip"`` in the request, networks of edges
+    An open chain ends before an edge that was not picked and is too small for the size, if it can. With ``hints``,
+    errors of size say what may fit instead. With ``on_error="skip"`` in the request, networks of edges
     that cannot be blended are left out, as long as others can.
 
     Raises
@@ -56,9 +57,45 @@ def blend_shape(
     CqblendError
         Whatever else stands in the way, by its own type. The input is never changed.
     """
+    stops: tuple[int, ...] = ()
+    fault: _FollowedTooFarError | None = None
+    while True:
+        try:
+            return _blend_selected(shape, edges, request, stops, hints=hints)
+        except _FollowedTooFarError as error:
+            fault, stops = fault or error, (*stops, *error.edges)
+        except CqblendError:
+            if fault is None:
+                raise
+            raise fault.explain(hints=hints) from fault
+
+
+class _FollowedTooFarError(CqblendError):
+    """A chain goes on along ``edges``, by their numbers, that were not picked and are too small for it."""
+
+    def __init__(self, edges: Sequence[int], cause: CqblendError, chain: ChainContext, picked: Sequence[int]) -> None:
+        super().__init__(str(cause), kind=cause.kind)
+        self.edges = tuple(edges)
+        self._cause, self._chain, self._picked = cause, chain, tuple(picked)
+
+    def explain(self, *, hints: bool) -> CqblendError:
+        """Return the error that says so."""
+        return _explain_following(_annotate_error(self._cause, self._chain, hints=hints), self._chain, self._picked)
+
+
+def _blend_selected(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest, stops: Sequence[int], *, hints: bool
+) -> BlendedShape:
+    """Blend edges of a shape, and what continues them but for ``stops``, as :func:`blend_shape`.
+
+    Raises
+    ------
+    _FollowedTooFarError
+        An edge that was not picked is too small for the blend that goes on along it.
+    """
     contexts = BlendContexts(request)
     check_edge_sizes(request, shape, edges)
-    selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
+    selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain, stops=stops)
     contexts.check_held_edges(selection)
     networks: list[StagedNetwork] = []
     failures: list[SkippedEdges] = []
@@ -66,6 +103,10 @@ def blend_shape(
     def leave_out(picked: Sequence[int], error: CqblendError, chain: ChainContext | None) -> None:
         """Leave out a network of picked edges, or raise the error that stands in its way."""
         if chain is not None:
+            followed = _list_followed_edges(error, chain, picked)
+            is_new = bool(followed) and not set(followed) <= set(stops)
+            if is_new and isinstance(error, SizeError) and _may_end_before(chain, followed, picked):
+                raise _FollowedTooFarError(followed, error, chain, picked)
             error = _explain_following(_annotate_error(error, chain, hints=hints), chain, picked)
         failures.append(SkippedEdges(tuple(picked), error.kind or type(error).__name__, error.place, str(error)))
         if request.on_error == "raise" or len(failures) == len(selection.networks):
@@ -122,10 +163,27 @@ def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) 
 
 def _explain_following(error: CqblendError, context: ChainContext, picked: Sequence[int]) -> CqblendError:
     """Return an error that says how edges are left out that were not picked, if it is about one of these."""
-    names = [cell.joint.name for cell in context.cells if cell.joint.edge_number not in picked]
-    if error.shape not in names:
+    if not _list_followed_edges(error, context, picked):
         return error
     return error.with_details(after=f"; it continues edge {min(picked)}: chain=False blends just what is picked")
+
+
+def _list_followed_edges(error: CqblendError, context: ChainContext, picked: Sequence[int]) -> list[int]:
+    """Return the edges of the cell that an error is about, by their numbers, if none of them was picked."""
+    cells = [cell.joint for cell in context.cells if cell.joint.name == error.shape]
+    lookups = [(cell.lookup_number, edge) for cell in cells for edge in cell.spine.edges]
+    numbers = [lookup(edge) for lookup, edge in lookups if lookup is not None]
+    return [] if set(numbers) & set(picked) else numbers
+
+
+def _may_end_before(context: ChainContext, edges: Sequence[int], picked: Sequence[int]) -> bool:
+    """Whether an open chain may end before some of its edges: nothing was picked beyond these."""
+    numbers = context.chain.edge_numbers
+    if not set(edges) <= set(numbers):  # round a corner, of an edge that the input has not
+        return False
+    first, last = numbers.index(edges[0]), numbers.index(edges[-1])
+    parts = (numbers[: min(first, last)], numbers[max(first, last) + 1 :])
+    return not context.chain.closed and any(set(part).isdisjoint(picked) for part in parts)
 
 
 def make_cheap_trial(

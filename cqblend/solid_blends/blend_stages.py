@@ -3,8 +3,9 @@
 Where three blended edges meet, one of them is blended *first*: its blend ends on the face opposite, in a curve that
 continues the other two tangentially, so that they and the curve become one chain, blended in a later stage. The first
 one is that of the other convexity, if the three are not alike, else the largest, for a ball rolls around the inside of
-a blend that is no smaller than itself. Where two meet beside a sharp edge, they are mitred in one stage; where that
-cannot be, the larger one is blended before the other, which ends on it.
+a blend that is no smaller than itself; of these, rather a straight one square to the face that its blend ends on. Where
+two meet beside a sharp edge, they are mitred in one stage; where that cannot be, the larger one is blended before the
+other, which ends on it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres, order_al
 from cqblend.errors import UnsupportedError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+from cqblend.surfaces.quadrics import Plane
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,8 @@ def plan_stages(
     for meeting in meetings:
         if len(meeting.ends) > 3:
             raise UnsupportedError(
-                f"{len(meeting.ends)} of the edges meet at {meeting.name}, and others, too: corners of more than three "
-                "are built where all edges are blended"
+                f"{len(meeting.ends)} of the edges meet at {meeting.name}, beside others, sharp or smooth: corners of "
+                "more than three are built where all edges are blended"
             )
     triples = [meeting for meeting in meetings if len(meeting.ends) == 3]
     mitres = find_mitres([context.chain for context in chains])
@@ -143,12 +145,23 @@ class _Meeting:
         largest = [k for k in range(3) if self.sizes[k] >= max(self.sizes) * (1 - SOLID_BLEND_TOLERANCES.equal_sizes)]
         is_ball = self.chains[items[0]].method.request.radius is not None
         can_turn = len(largest) == 1 or (len(largest) == 3 and is_ball)
-        leaders = odd or (largest if can_turn else [])
+        leaders = [k for k in odd or (largest if can_turn else []) if items.count(items[k]) == 1]
         return Meeting(
             (items[0], items[1], items[2]),
-            tuple(items[k] for k in leaders if items.count(items[k]) == 1),
+            tuple(items[k] for k in leaders),
+            tuple(items[k] for k in leaders if self._ends_square(self.ends[k])),
             can_go_together=self.is_all_around,
         )
+
+    def _ends_square(self, end: ChainEnd) -> bool:
+        """Whether a chain is straight and ends on a plane square to it, so that what goes round it may be a torus."""
+        joint = self.chains[end.chain].end_joints[end.end]
+        across = joint.read_end_face(end.end)
+        if across is None or not isinstance(across.primary, Plane):
+            return False
+        tangents = joint.locate_stations(np.array([0.0, 0.5, 1.0])).tangents
+        normal = across.primary.evaluate_normals(np.zeros((1, 2)))[0]
+        return bool(np.abs(tangents @ normal).min() > 1 - SOLID_BLEND_TOLERANCES.square_cosine)
 
     def round(self, leader: int) -> RoundedCorner:
         """Return the corner of three chains of which one is blended first."""

@@ -56,7 +56,7 @@ class EndTrials:
         context = self.context
         if context.chain.closed:
             if failure is not None:
-                raise failure
+                raise failure.cause if isinstance(failure, BlendEndError) else failure
             return
         if failure is not None and self.plan is not None:
             self._record_failure(self.plan.methods, failure)

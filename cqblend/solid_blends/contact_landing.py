@@ -249,8 +249,13 @@ class _LandingSearch:
         return found
 
     def _is_inside(self, side: SupportFace, uv: Array) -> bool:
-        """Whether a contact (1, 2) lies inside a face, or on its boundary."""
-        return self.index.is_inside_face(side.face, side.wrap_to_window(side.to_face_parameters(uv))[0])
+        """Whether a contact (1, 2) lies inside a face.
+
+        Of a face at the edge nothing would remain where it lies on its boundary, and the rail is on the face beyond.
+        """
+        (at,) = side.wrap_to_window(side.to_face_parameters(uv))
+        is_beyond = all(side is not own for own in self.joint.edge_sides)
+        return self.index.is_inside_face(side.face, at, or_on_boundary=is_beyond or side.is_at_seam(at))
 
     def _find_way_out(
         self, side: SupportFace, start: Array, uv: Array, entered: Sequence[TopoDS_Edge]
@@ -259,6 +264,7 @@ class _LandingSearch:
         boundary, stop = self._read_boundary(side), side.unwrap_near(side.to_face_parameters(uv), start[None])[0]
         seams = [k for k, use in enumerate(boundary.uses) if len(boundary.find_uses(use)) > 1]
         passed = [*seams, *(k for k, use in enumerate(boundary.uses) if is_among(use, entered))]
+        stop = stop + SOLID_BLEND_TOLERANCES.landing_margin * (stop - start)
         found = boundary.find_first_crossing(np.stack([start, stop]), side.face_primary.periods, passed)
         if found is None:
             raise GeometryError(f"{self.joint.name_part(side.face)} ends in no definite edge there")

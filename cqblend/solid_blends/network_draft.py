@@ -176,9 +176,13 @@ class NetworkDrafts:
             except ShortChainsError as short:
                 for k, needed in short.needed_domains.items():
                     plan = plans[k]
-                    if plan is not None:
-                        short_ends[k] = 0 if needed[0] < plan.rail_range[0] else 1
-                        plans[k] = plan.lengthen(needed)
+                    if plan is None:
+                        continue
+                    if k in short.exact:
+                        plans[k] = replace(plan, rail_range=needed)
+                        continue
+                    short_ends[k] = 0 if needed[0] < plan.rail_range[0] else 1
+                    plans[k] = plan.lengthen(needed)
                 continue
             return tuple(
                 ChainDraft(

@@ -17,7 +17,7 @@ from cqblend.blends.contacts.contact_solver import (
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
 from cqblend.blends.contacts.contacts_beyond import solve_balls_near, solve_setbacks_near
-from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
+from cqblend.blends.contacts.turning_contacts import RoundFace, StandingBall, find_round_face
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
@@ -99,9 +99,8 @@ class _HermiteAtJoint(SectionAtJoint):
 
     def make_solver(self) -> ContactSolver:
         joint, sizes = self.joint, self.method.sizes
-        if self.turning_ball is not None:
-            ball = self.turning_ball
-            return cache_contacts(lambda t, _: ball.solve_contacts(t))
+        if self.round_face is not None:
+            return self._make_round_solver(self.round_face)
         solve = trace_contacts(
             joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
         )
@@ -115,6 +114,11 @@ class _HermiteAtJoint(SectionAtJoint):
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
+    def _make_round_solver(self, face: RoundFace) -> ContactSolver:
+        """Return the solver of contacts around a round face."""
+        ball, sizes = self._standing_ball, self.method.sizes
+        return cache_contacts(lambda t, _: face.solve_contacts(t, np.broadcast_to(sizes.measure(t)[0], t.shape), ball))
+
     def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
         sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
         if self.method.request.radius is not None:
@@ -122,22 +126,31 @@ class _HermiteAtJoint(SectionAtJoint):
         return solve_setbacks_near(sides, stations, (sizes[0], sizes[1]), expected)
 
     @cached_property
-    def turning_ball(self) -> TurningBall | None:
+    def round_face(self) -> RoundFace | None:
+        """The round face that the ball of the blend goes around, with little room, if there is one."""
+        joint, sizes = self.joint, self.method.sizes
+        if self.method.request.radius is None or joint.spine.closed or joint.faces_at_edge is not None:
+            return None
+        if any(self.fading_ends) or any(sizes.vanishes):
+            return None
+        return find_round_face(joint.sides, self._locate_on_surfaces, self.method.size, self.method.targets.position)
+
+    @cached_property
+    def _standing_ball(self) -> StandingBall | None:
         """The ball of the blend, if it turns in place all along the joint."""
-        joint, radius = self.joint, self.method.request.radius
-        is_beside = joint.faces_at_edge is None
-        if is_beside and isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
-            return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
-        return None
+        if self.round_face is None or self.method.sizes.laws:
+            return None
+        return self.round_face.find_standing_ball(self.method.size, self.method.targets.position)
 
     @property
     def pole(self) -> CellPole | None:
-        ball = self.turning_ball
-        return None if ball is None else CellPole(1 - ball.round_side, ball.deviation)
+        if self.round_face is None or self._standing_ball is None:
+            return None
+        return CellPole(1 - self.round_face.round_side, self._standing_ball.deviation)
 
     @property
     def turn(self) -> float | None:
-        return None if self.turning_ball is None else abs(self.turning_ball.turn)
+        return None if self.round_face is None else abs(self.round_face.turn)
 
     @property
     def fading_ends(self) -> tuple[bool, bool]:

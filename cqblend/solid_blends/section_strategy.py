@@ -126,7 +126,7 @@ class SectionAtJoint(ABC):
 
     @property
     def turn(self) -> float | None:
-        """The angle (rad) by which the ball of the blend turns, if it turns in place all along the joint."""
+        """The angle (rad) by which the ball of the blend turns about a round face that it goes around, if it does."""
         return None
 
     @property

@@ -85,13 +85,14 @@ class _SizedChain:
             An edge has none, or sizes do not agree where edges meet.
         """
         by_edge = _fill_gaps(self.edge_numbers, given, closed=self.chain.closed)
-        names = ("radius",) if len(by_edge[0]) == 1 else ("width[0]", "width[1]")
+        known = next(sizes for sizes in by_edge if sizes is not None)
+        names = ("radius",) if len(known) == 1 else ("width[0]", "width[1]")
         order, stops = self._order_edges()
         taper = None if request.taper is None else request.taper / self._arc_stops[-1]
         return tuple(
             join_sizes(
                 name,
-                [by_edge[k][i] for k in order],
+                [None if sizes is None else sizes[i] for sizes in map(by_edge.__getitem__, order)],
                 stops,
                 taper,
                 lambda k: self._name_stop(order[k]),
@@ -176,8 +177,11 @@ def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> 
 
 def _fill_gaps(
     numbers: Sequence[int], given: Mapping[int, tuple[Size, ...]], *, closed: bool
-) -> list[tuple[Size, ...]]:
+) -> list[tuple[Size, ...] | None]:
     """Return the sizes of every edge, by number: those that are given, or else those of the edges next to it that are.
+
+    Where these differ, an edge that is not in the input, number 0, has none: it runs around a blend that was made
+    before in the same call, and sizes change along it.
 
     Raises
     ------
@@ -194,9 +198,11 @@ def _fill_gaps(
             after = [j for j in known if j > k] or (known[:1] if closed else [])
             near = [found[j] for j in (*before[-1:], *after[:1])]
             if any(one != near[0] for one in near):
+                if numbers[k] == 0:
+                    continue
                 raise InputError(
                     f"edge {numbers[k]} lies between edges {numbers[before[-1]]} and {numbers[after[0]]}, which have "
                     "different sizes: give it one, too"
                 )
             found[k] = near[0]
-    return [sizes for sizes in found if sizes is not None]
+    return found

@@ -15,7 +15,7 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.contacts_beyond import trace_contacts_beyond
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.network.chain_cell import CellRails
-from cqblend.blends.rails.cross_directions import chord_field, perpendicular_field
+from cqblend.blends.rails.cross_directions import chord_field, parametric_field
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import (
     ArcLayout,
@@ -60,9 +60,9 @@ class StripContext:
     def targets(self) -> RibbonTargets:
         """What the ribbons are to be."""
         targets = self.method.targets
-        if self.section.pole is not None:  # the ball's arcs are great circles
+        if self.section.turn is not None:  # around a round face, arcs are those of great circles
             first, second = (
-                chord_field if field is perpendicular_field else field for field in self.method.targets.fields
+                field if field in (parametric_field, chord_field) else chord_field for field in targets.fields
             )
             targets = replace(targets, fields=(first, second))
         return replace(targets, fades=True) if any(self.vanishes) else targets
@@ -196,6 +196,7 @@ class StripContext:
             joint.spine.length,
             self.fit_light_rails,
             self.fit_turning_rails,
+            self.section.turn is not None,
             self.section.pole,
             method.sizes.locate_corners,
             joint.rank,

@@ -58,6 +58,9 @@ class SolidBlendTolerances:
     landing_resolution: float = 1e-4
     """In t: how near to where a rail passes to another face stations are halved; Newton's method goes on from there."""
 
+    landing_margin: float = 1e-6
+    """Share of the way from the edge to a contact by which that is lengthened, for contacts on a boundary."""
+
     landing_steps: int = 16
     """Steps in which a blend is grown from none, where its contacts are not found at once."""
 
@@ -99,6 +102,9 @@ class SolidBlendTolerances:
 
     fallback_size: float = 1e-2
     """Relative to the solid's size: tried where contacts let no size pass, to get the error that says why."""
+
+    square_cosine: float = 1e-9
+    """1 - |cos| of the angle between an edge and the normal of a plane, below which it is square to that."""
 
     equal_sizes: float = 1e-6
     """Relative: sizes of blends that meet at a corner are taken as equal if they differ by less."""

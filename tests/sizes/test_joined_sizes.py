@@ -63,3 +63,30 @@ def test_laws_go_on_where_they_agree():
 def test_corners_where_sizes_agree_are_refused():
     with pytest.raises(InputError, match=r"radius has a corner at t = 0\.5"):
         joined([lambda t: 1 + 2 * t, lambda t: 1 + 2 * t, 2.0])
+
+
+def test_along_a_part_without_a_size_it_changes_from_one_neighbour_to_the_other():
+    law, t = joined([1.0, None, 3.0]), np.linspace(0, 1, 1001)
+    values = law(t)
+    assert (values[t <= 0.25] == 1).all()
+    assert (values[t >= 0.5] == 3).all()
+    assert (np.diff(values) >= 0).all()
+    assert law(np.array([0.375])) == pytest.approx([2.0])
+    second = np.diff(values, 2) / np.diff(t)[0] ** 2
+    assert np.abs(np.diff(second)).max() < 0.1 * np.abs(second).max()  # C2
+
+
+def test_several_such_parts_are_one_change():
+    law = joined([1.0, None, None, 3.0], stops=[0.2, 0.3, 0.6, 1.0])
+    assert law(np.array([0.2, 0.4, 0.6])) == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_a_closed_chain_may_end_in_such_a_part():
+    law = joined([1.0, None, 3.0, None], closed=True, stops=[0.25, 0.5, 0.75, 1.0]).close()
+    assert law(np.array([0.1, 0.375, 0.6, 0.875, 1.0])) == pytest.approx([1.0, 2.0, 3.0, 2.0, 1.0])
+
+
+def test_a_change_may_be_short():
+    law = joined([1.0, None, 3.0, None], closed=True, stops=[0.25, 0.254, 0.997, 1.0]).close()
+    assert law(np.array([0.1, 0.252, 0.6, 0.9985, 1.0])) == pytest.approx([1.0, 2.0, 3.0, 2.0, 1.0])
+    assert [law.measure_slope(end) for end in (0.0, 1.0)] == [0.0, 0.0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cadquery as cq
 import numpy as np
 import pytest
-from cornered_solids import check_corners, find_edges_at, make_pyramid
+from cornered_solids import SMOOTH_KINDS, check_corners, find_edges_at, make_pyramid
 
 import cqblend
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError, UnsupportedError
@@ -26,12 +26,18 @@ def make_hollow_box() -> cq.Shape:
     return make_box().cut(cq.Workplane().center(10, 10).circle(12).extrude(40, both=True).val())
 
 
+def make_half_cylinder() -> cq.Shape:
+    """Return a half cylinder: rails on its flat face and along its rim cross twice."""
+    return cq.Workplane().circle(10).extrude(20).intersect(cq.Workplane().box(40, 40, 40).translate((0, 20, 0))).val()
+
+
 BODIES = {
     "box": (make_box, (10, 10, 10), 2.0),
     "pyramid 4": (lambda: make_pyramid(4), (0, 0, 6), 0.8),
     "pyramid 5": (lambda: make_pyramid(5), (0, 0, 6), 0.8),
     "pyramid 6": (lambda: make_pyramid(6), (0, 0, 6), 0.8),
     "quarter cylinder": (make_quarter_cylinder, (0, 10, 20), 1.0),
+    "half cylinder": (make_half_cylinder, (10, 0, 20), 1.0),
     "hollow box": (make_hollow_box, (10, -2, 10), 1.0),
     "pocket": (
         lambda: cq.Workplane().box(30, 30, 10).faces(">Z").workplane().rect(16, 16).cutBlind(-6).val(),
@@ -118,8 +124,7 @@ def test_four_edges_at_an_apex_are_blended_without_being_asked_how():
     _, edges, result = blend_at("pyramid 4", "auto")
     (patch,) = check_corners(result, 1)
     assert patch.geomType() == "SPHERE"
-    text = str(result.certificate)
-    assert text.count("an edge between two blends has gap") == len(edges)
+    assert f"{len(edges)} edges between blends: gap " in str(result.certificate)
 
 
 def test_where_no_ball_fits_rails_cross():
@@ -185,3 +190,61 @@ def test_more_than_three_edges_beside_sharp_ones_are_refused():
     body = make_pyramid(5)
     with pytest.raises(UnsupportedError, match=r"4 of the edges meet .*, and others, too"):
         cqblend.blend_edges(body, find_edges_at(body, (0, 0, 6))[:4], 0.5)
+
+
+def make_wavy_block() -> cq.Shape:
+    """Return a block whose top is a wavy bicubic face."""
+    rng = np.random.default_rng(1)
+    steps = np.linspace(-10, 10, 4).tolist()
+    points = [[cq.Vector(x, y, 10 + 0.8 * rng.normal()) for y in steps] for x in steps]
+    top = cq.Face.makeSplineApprox(points, tol=1e-9, minDeg=3, maxDeg=3)
+    return cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -20))
+
+
+def find_top_corner(body: cq.Shape) -> list[cq.Edge]:
+    vertex = max(body.Vertices(), key=lambda one: one.Z > 0 and one.X + one.Y)
+    return find_edges_at(body, vertex.toTuple())
+
+
+def test_a_freeform_face_exactly():
+    body = make_wavy_block()
+    result = cqblend.blend_edges(body, find_top_corner(body), 1.0, corner="setback", form="exact")
+    check_corners(result, 6)
+
+
+@pytest.mark.parametrize(("corner", "patches", "angle"), [("setback", 6, 1e-10), ("cross", 3, 1e-6)])
+def test_a_freeform_face_in_the_compact_form(corner, patches, angle):
+    """Strips that are set back end there, exactly; others are cut inside, where they are as exact as they promise."""
+    body = make_wavy_block()
+    result = cqblend.blend_edges(body, find_top_corner(body), 1.0, corner=corner)
+    assert result.certificate.form == "compact"
+    records = [one for one in result.certificate.edges if one.kind in SMOOTH_KINDS]
+    assert max(one.angle for one in records) <= angle
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, list(result.faces)).problems == ()
+    assert len(result.faces) == 3 + patches
+
+
+def make_tetrahedron(seed: int) -> cq.Shape:
+    """Return a tetrahedron with random vertices on a sphere."""
+    points = np.random.default_rng(seed).normal(size=(4, 3))
+    points *= 10 / np.linalg.norm(points, axis=1)[:, None]
+    faces = []
+    for k in range(4):
+        a, b, c = np.delete(points, k, axis=0)
+        if np.cross(b - a, c - a) @ (points[k] - a) > 0:
+            b, c = c, b
+        faces.append(cq.Face.makeFromWires(cq.Wire.makePolygon([cq.Vector(*one) for one in (a, b, c, a)])))
+    return cq.Solid.makeSolid(cq.Shell.makeShell(faces))
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_six_sizes_at_the_edges_of_a_tetrahedron(seed):
+    """Whatever goes on around what, or ends in patches: all of it is sound."""
+    body = make_tetrahedron(seed)
+    rng, length = np.random.default_rng(seed), min(edge.Length() for edge in body.Edges())
+    sizes = {edge: float(size) for edge, size in zip(body.Edges(), rng.uniform(0.01, 0.05, 6) * length, strict=True)}
+    result = cqblend.blend_edges(body, body.Edges(), sizes)
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, list(result.faces)).problems == ()
+    assert all(one.angle <= 1e-10 for one in result.certificate.edges if one.kind in SMOOTH_KINDS)

@@ -179,3 +179,49 @@ def test_mitres_lie_on_both_blends_as_occt_has_them():
                 for surface in (BRep_Tool.Surface_s(one.wrapped), BRep_Tool.Surface_s(other.wrapped)):
                     assert GeomAPI_ProjectPointOnSurf(curve.Value(t), surface).LowerDistance() <= 1e-9
     assert found == len(OUTLINES["star"])
+
+
+def test_blends_of_edges_that_nearly_go_on_in_each_other_are_mitred_with_sections_of_one_kind():
+    turn = 0.005  # rad: strips of arcs and of polynomials would be further apart there than the turn makes up for
+    outline = (
+        cq.Workplane()
+        .lineTo(10, 0)
+        .spline([(15, 1), (18, 6)], tangents=[(math.cos(turn), math.sin(turn)), (0, 1)], includeCurrent=True)
+    )
+    body = outline.lineTo(18, 12).lineTo(0, 12).close().extrude(4).val()
+    edges = cq.Workplane(body).faces(">Z").edges().vals()
+    result = cqblend.blend_edges(body, edges, 1)
+    assert result.shape.isValid()
+    assert len([edge for edge in result.certificate.edges if edge.kind == "mitre"]) == 4
+    sections = {rail.edge: rail.section for rail in result.certificate.rails}
+    number = {edge.Center().toTuple(): body.Edges().index(edge) + 1 for edge in edges}
+    (straight,) = (number[edge.Center().toTuple()] for edge in edges if abs(edge.Center().y) < 1e-9)
+    (upper,) = (number[edge.Center().toTuple()] for edge in edges if abs(edge.Center().y - 12) < 1e-9)
+    assert (sections[straight], sections[upper]) == ("hermite", "arc")
+    assert result.shape.Volume() == pytest.approx(body.fillet(1, edges).Volume(), rel=2e-5)
+
+
+@pytest.mark.parametrize("is_boss", [False, True])
+def test_edges_on_a_cylinder_are_mitred(is_boss):
+    round_bar = cq.Workplane().circle(20).extrude(40)
+    block = cq.Workplane("XZ").center(0, 20).rect(12, 10).extrude(-30)
+    body = (round_bar.union(block) if is_boss else round_bar.cut(block)).val()
+    edges = [
+        edge
+        for edge in body.Edges()
+        if edge.Center().y > 12
+        and all(abs(math.hypot(vertex.X, vertex.Y) - 20) < 1e-6 and 10 < vertex.Z < 30 for vertex in edge.Vertices())
+    ]
+    result = cqblend.blend_edges(body, edges, 1)
+    assert result.shape.isValid()
+    assert len([edge for edge in result.certificate.edges if edge.kind == "mitre"]) == 4
+    assert result.certificate.angle <= 1e-12
+    assert result.shape.Volume() == pytest.approx(body.fillet(1, edges).Volume(), rel=2e-6)
+
+
+def test_a_small_radius_far_from_the_middle_of_an_edge_is_no_trouble():
+    """Ellipses are fitted in the parameters of their cylinders to rounding of these, not of the radius."""
+    outline = ((0, 0), (40, 0), (37, 22), (3, 31))
+    body = extrude(outline)
+    result = cqblend.blend_edges(body, list_top_edges(body, outline), 0.02)
+    assert check(result, 4) == pytest.approx(body.Volume() - integrate_insets(outline, [0.02] * 4), rel=1e-12)

@@ -215,3 +215,18 @@ def test_errors_about_edges_that_were_not_picked_say_so():
     with pytest.raises(SizeError) as caught:
         cqblend.blend_edges(body, top_edges(body), 5)
     assert "chain=False" not in str(caught.value)
+
+
+def test_a_chain_ends_before_an_edge_that_is_too_small_for_it():
+    box = cq.Workplane().box(30, 20, 10)
+    rounded = cq.Workplane(obj=cqblend.blend_edges(box, box.edges(">Z and >X"), 1.5).shape)
+    upright = rounded.edges("|Z and >X and >Y")  # goes on round the end of that blend, an arc of 1.5 mm
+    result = cqblend.blend_edges(rounded, upright, 4)
+    alone = cqblend.blend_edges(rounded, upright, 4, chain=False)
+    assert len(result.faces) == len(result.certificate.blended) == 1
+    assert [end.kind for end in result.certificate.ends] == ["natural", "natural"]
+    assert result.shape.Volume() == pytest.approx(alone.shape.Volume(), rel=1e-12)
+    assert cqblend.verify(result.shape).ok
+    small = cqblend.blend_edges(rounded, upright, 1)
+    assert len(small.certificate.blended) > 1
+    assert set(result.certificate.blended) < set(small.certificate.blended)

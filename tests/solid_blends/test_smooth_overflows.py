@@ -71,6 +71,18 @@ def test_rail_runs_on_an_earlier_round_all_along(thickness, round_, radius):
     assert blended.shape.Volume() == pytest.approx(edge.fillet(radius).val().Volume(), rel=1e-8)
 
 
+def test_rail_runs_exactly_along_the_smooth_edge():
+    body = make_slab(3, 2)
+    blended = cqblend.blend_edges(body, pick_edge(body, (0, 6, 0)), 1.0)
+    assert len(blended.shape.Faces()) == 7
+    assert blended.shape.Volume() == pytest.approx(20 * (36 - (1 - np.pi / 4) * (2**2 + 1**2)), rel=1e-12)
+    check_sound(body, blended)
+    plate = make_rounded_plate(3, 2)
+    rim = cqblend.blend_edges(plate, plate.faces("<Z").edges(), 1.0)
+    assert len(rim.shape.Faces()) == 18
+    check_sound(plate, rim)
+
+
 def test_rail_passes_from_the_wall_to_the_round_above_it():
     body = make_wedge(2.6, 6, 2)
     edge = pick_edge(body, (0, -12, 0))
@@ -90,6 +102,19 @@ def test_rim_whose_rails_all_run_on_another_rim(radius):
     assert len(blended.faces) == 8
     assert len(blended.shape.Faces()) == 18  # top, bottom, two rims: the walls have gone
     check_sound(body, blended, rim.fillet(radius))
+
+
+def test_rail_leaves_the_wall_and_comes_back_so_that_it_is_in_two_pieces():
+    outline = cq.Workplane("XZ").moveTo(-10, 0).threePointArc((0, 1.5), (10, 0)).lineTo(10, 5).lineTo(-10, 5)
+    body = outline.close().extrude(12)
+    body = pick_edge(body, (0, -12, 5)).fillet(2.2)
+    edge = pick_edge(body, (0, -12, 1.5))
+    blended = cqblend.blend_edges(body, edge, 1.6)
+    assert len(blended.faces) == 3
+    walls = [face for face in blended.shape.Faces() if face.geomType() == "PLANE" and face.Center().y < -11.9]
+    assert len(walls) == 2
+    assert walls[0].Center().x * walls[1].Center().x < 0
+    check_sound(body, blended, edge.fillet(1.6))
 
 
 def test_rim_of_a_sloped_plate_runs_partly_on_the_rim_above():

@@ -130,3 +130,22 @@ def test_mitres_are_had_for_the_asking_where_an_edge_stays_sharp():
         cqblend.blend_edges(body, find_edges_at(body, (10, 7, 5)), 2.0, corner="mitre")
     with pytest.raises(cqblend.errors.InputError, match="two of three edges"):
         cqblend.blend_edges(body, body.edges("|Z"), 2.0, corner="mitre")
+
+
+def test_straight_edges_go_first_so_that_corners_are_tori():
+    rod = cq.Workplane().circle(10).extrude(12).intersect(cq.Workplane().box(30, 14, 30)).val()
+    result = cqblend.blend_edges(rod, rod.Edges(), 1.0)
+    assert {face.geomType() for face in result.faces} == {"CYLINDER", "TORUS", "SPHERE"}
+    native = rod.fillet(1.0, rod.Edges())
+    assert result.shape.Volume() == pytest.approx(native.Volume(), rel=1e-12)
+
+
+def test_the_certificate_says_that_patches_are_g1_beside_blends_of_g2():
+    body = BODIES["box"]()
+    result = cqblend.blend_edges(body, find_edges_at(body, (10, 7, 5)), 2.0, continuity="G2")
+    certificate = result.certificate
+    assert certificate.curvature_jump < 1e-9
+    jumps = [edge.curvature_jump for edge in certificate.edges if edge.kind == "between"]
+    measured = [cqblend.continuity(result.shape, edge) for face in result.faces[3:] for edge in face.Edges()]
+    assert max(jumps) == pytest.approx(max(one.curvature_jump for one in measured), rel=0.1)
+    assert "curvature jump" in str(certificate)

@@ -193,3 +193,79 @@ def test_all_edges_of_curved_bodies_are_blended(make, angle):
     assert_smooth(result, angle, max(angle, 1e-10))
     assert result.shape.Volume() == pytest.approx(body.fillet(RADIUS, body.Edges()).Volume(), rel=1e-4)
     assert max(rail.bend for rail in result.certificate.rails) < 0.05 * RADIUS
+
+
+def choose_radii(body: cq.Shape, *radii: float) -> dict[cq.Edge, float]:
+    """Return radii of all edges of a body, of those along z, x and y."""
+    tangents = [np.abs(edge.tangentAt(0.5).toTuple()) for edge in body.Edges()]
+    return {
+        edge: radii[0] if tangent[2] > 0.8 else radii[1 + int(tangent[1] > tangent[0])]
+        for edge, tangent in zip(body.Edges(), tangents, strict=True)
+    }
+
+
+@pytest.mark.parametrize(
+    ("make", "radii"),
+    [
+        (lambda: cq.Solid.makeBox(20, 14, 10), (3, 2, 1)),
+        (lambda: cq.Solid.makeBox(20, 14, 10), (2, 1.9, 1.8)),
+        (make_tilted_box, (2, 1, 1.5)),
+        (make_tilted_box, (1.5, 1.4, 1.4)),
+        (make_tilted_box, (1.5, 1.49, 1.45)),
+    ],
+)
+def test_edges_of_different_sizes_meet_around_the_largest(make, radii):
+    body = make()
+    chosen = choose_radii(body, *radii)
+    result = cqblend.blend_edges(body, list(chosen), chosen)
+    assert_smooth(result, 1e-10, 1e-8)
+    # what a ball of the largest and of the smallest of the radii leaves are bounds
+    volumes = [body.fillet(radius, body.Edges()).Volume() for radius in (max(radii), min(radii))]
+    assert volumes[0] < result.shape.Volume() < volumes[1]
+
+
+def test_the_size_changes_along_the_end_of_the_first_blend_and_nowhere_else():
+    box = cq.Workplane().box(20, 14, 10)
+    chosen = choose_radii(box.val(), 3, 2, 1)
+    shape = cqblend.blend_edges(box.val(), list(chosen), chosen).shape
+    for point, radius in [((5, -7, 5), 2), ((-5, 7, -5), 2), ((10, 2, 5), 1), ((10, -2, -5), 1)]:
+        corner = cq.Vector(*point)
+        inwards = cq.Vector(
+            *(
+                -np.sign(x) if abs(x) in (5, 7, 10) and k != (0 if radius == 2 else 1) else 0
+                for k, x in enumerate(point)
+            )
+        )
+        centre = corner + inwards * radius
+        probe = cq.Vertex.makeVertex(*centre.toTuple())
+        assert shape.distance(probe) == 0.0  # inside the solid
+        assert min(face.distance(probe) for face in shape.Faces()) == pytest.approx(radius, rel=5e-4)
+
+
+def make_angle(*, oblique: bool) -> cq.Shape:
+    """An angle profile: at its inner corner, one edge is concave and two are convex."""
+    corners = [(0, 0), (20, 0), (22, 9), (9, 7), (7, 20), (0, 22)]
+    prism = cq.Workplane().polyline(corners).close().extrude(14)
+    if not oblique:
+        return prism.val()
+    above = cq.Workplane().box(80, 80, 20).rotate((0, 0, 0), (1, 0.4, 0), 12).translate((8, 8, 20))
+    return prism.cut(above).val()
+
+
+def make_tapered_boss() -> cq.Shape:
+    return cq.Workplane().box(40, 30, 8).faces(">Z").workplane().rect(16, 12).extrude(10, taper=10).val()
+
+
+@pytest.mark.parametrize(
+    ("make", "rel"),
+    [
+        (lambda: make_angle(oblique=False), 1e-12),  # a torus around the concave blend
+        (lambda: make_angle(oblique=True), 1e-4),
+        (make_tapered_boss, 1e-4),
+    ],
+)
+def test_two_edges_go_around_the_blend_of_one_of_the_other_convexity(make, rel):
+    body = make()
+    result = cqblend.blend_edges(body, body.Edges(), RADIUS)
+    assert_smooth(result, 1e-11, 1e-7)
+    assert result.shape.Volume() == pytest.approx(body.fillet(RADIUS, body.Edges()).Volume(), rel=rel)

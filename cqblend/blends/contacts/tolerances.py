@@ -25,9 +25,16 @@ class ContactTolerances:
     quadratic_step, quadratic_residual
         A step, as a share of the longest one, and the residual before it, as that share, that lead to the solution: the
         error left is about the square of the step.
-    round_share
-        Motion of the centre of a ball, as a share of that of its contact, up to which a face is looked at more closely,
-        whether the ball turns in it.
+    round_radii
+        Radii of a face that is looked at more closely, whether it is round: the least and the largest, as shares of
+        that of the ball.
+    round_spread
+        Distance of the contacts, at both ends of an edge, of a ball that fits into a face, as a share of its radius, up
+        to which the face is round.
+    straight_arc
+        Sine of the angle between the chords of three points, by which they are on a line.
+    radius_steps
+        Steps in which the radius of the ball is changed from that of the face.
     turning_share
         Distance of the contacts of a ball that turns in place, as a share of its radius, up to which they are one: by
         so much polynomial blends, in which it turns, are off their balls.
@@ -76,7 +83,10 @@ class ContactTolerances:
     converged_residual: float = 1e-9
     quadratic_step: float = 1e-8
     quadratic_residual: float = 1e-6
-    round_share: float = 0.25
+    round_radii: tuple[float, float] = (0.99, 2.0)
+    round_spread: float = 1e-2
+    straight_arc: float = 1e-6
+    radius_steps: int = 4
     turning_share: float = 2e-2
     turning_probes: int = 9
     turning_stations: int = 33

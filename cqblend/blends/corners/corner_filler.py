@@ -49,13 +49,16 @@ class CornerFill:
     twist_gap: float
 
 
-def fill_with_quads(sides: Sequence[CornerSide]) -> CornerFill:
+def fill_with_quads(sides: Sequence[CornerSide], roughness: float = 0.0) -> CornerFill:
     """Fill a hole by one quad for each of its corners.
 
     Parameters
     ----------
     sides
         Three at least, head to tail around the hole.
+    roughness
+        By how much, beyond rounding and relative to the size of the hole, they may fail to agree where they meet. Then
+        so do the quads.
 
     Raises
     ------
@@ -64,8 +67,8 @@ def fill_with_quads(sides: Sequence[CornerSide]) -> CornerFill:
     GeometryError
         If their tangent planes, or twists, do not agree where they meet.
     """
-    frame, own = _bring_into_frame(sides)
-    corners = _compare_all(own, MIDDLE)
+    frame, own = _bring_into_frame(sides, roughness)
+    corners = _compare_all(own, MIDDLE, roughness)
     dim, m = own[0].dim, len(own)
     unknowns = Unknowns(count_unknowns(own) + 6 * dim)
     fields = build_cross_fields(own, corners, MIDDLE, unknowns)
@@ -81,8 +84,8 @@ def fill_with_quads(sides: Sequence[CornerSide]) -> CornerFill:
     return _settle_patches(boundaries, unknowns, corners, frame)
 
 
-def fill_with_one_patch(sides: Sequence[CornerSide]) -> CornerFill:
-    """Fill a hole of four sides by a single patch: u along side 0, v along side 1.
+def fill_with_one_patch(sides: Sequence[CornerSide], roughness: float = 0.0) -> CornerFill:
+    """Fill a hole of four sides by a single patch, u along side 0, v along side 1; see :func:`fill_with_quads`.
 
     Raises
     ------
@@ -93,8 +96,8 @@ def fill_with_one_patch(sides: Sequence[CornerSide]) -> CornerFill:
     """
     if len(sides) != 4:
         raise InputError(f"one patch has four sides, not {len(sides)}")
-    frame, own = _bring_into_frame(sides)
-    corners = _compare_all(own, 1.0)
+    frame, own = _bring_into_frame(sides, roughness)
+    corners = _compare_all(own, 1.0, roughness)
     unknowns = Unknowns(count_unknowns(own))
     fields = build_cross_fields(own, corners, 1.0, unknowns)
     bottom, right, top, left = (unknowns.hold_curve(side.curve) for side in own)
@@ -103,21 +106,21 @@ def fill_with_one_patch(sides: Sequence[CornerSide]) -> CornerFill:
     return _settle_patches([CoonsBoundary(rows, columns)], unknowns, corners, frame)
 
 
-def _bring_into_frame(sides: Sequence[CornerSide]) -> tuple[CornerFrame, list[CornerSide]]:
+def _bring_into_frame(sides: Sequence[CornerSide], roughness: float) -> tuple[CornerFrame, list[CornerSide]]:
     """Return the frame of a hole, and its sides there."""
     if len(sides) < 3:
         raise InputError(f"a hole has three sides at least, not {len(sides)}")
     frame = CornerFrame.around_sides(sides)
     ends = [side.evaluate_ends() for side in sides]
     gaps = [float(np.linalg.norm(ends[i][0] - ends[i - 1][1])) for i in range(len(sides))]
-    if not max(gaps) <= CORNER_TOLERANCES.closed_sides * frame.size:
+    if not max(gaps) <= (CORNER_TOLERANCES.closed_sides + roughness) * frame.size:
         raise InputError(f"the sides of a hole are {max(gaps):.2g} mm apart where they should meet")
     return frame, [frame.bring_in(side) for side in sides]
 
 
-def _compare_all(sides: Sequence[CornerSide], pace: float) -> list[SideCorner]:
+def _compare_all(sides: Sequence[CornerSide], pace: float, roughness: float) -> list[SideCorner]:
     corners = [compare_sides(side, sides[i - 1], pace) for i, side in enumerate(sides)]
-    check_corners(corners)
+    check_corners(corners, roughness)
     return corners
 
 

@@ -82,17 +82,17 @@ def _make_end(side: CornerSide, t: float, wanted: Array, pace: float) -> _SideEn
     return _SideEnd(span, inverse, factors, pace * (rates @ factors), off)
 
 
-def check_corners(corners: Sequence[SideCorner]) -> None:
-    """Raise GeometryError if no patch can meet the sides of a hole with common tangent planes."""
+def check_corners(corners: Sequence[SideCorner], roughness: float = 0.0) -> None:
+    """Raise GeometryError if no patch can meet the sides of a hole with common tangent planes, but for a roughness."""
     for number, corner in enumerate(corners, start=1):
-        if not corner.off_plane <= CORNER_TOLERANCES.tangent_plane:
+        if not corner.off_plane <= CORNER_TOLERANCES.tangent_plane + roughness:
             raise GeometryError(
                 f"two sides of a corner patch leave point {number} of its outline in different tangent planes, "
                 f"{corner.off_plane:.2g} apart",
                 kind="tangent plane",
                 value=corner.off_plane,
             )
-        if not corner.twist_gap <= CORNER_TOLERANCES.twist:
+        if not corner.twist_gap <= CORNER_TOLERANCES.twist + roughness:
             raise GeometryError(
                 f"two sides of a corner patch ask for different twists at point {number} of its outline, "
                 f"{corner.twist_gap:.2g} apart: a side must leave in the direction of a rail",

@@ -26,16 +26,15 @@ class RailCrossing:
     tangents: Array
 
 
-def cross_rails(first: Curve, second: Curve) -> RailCrossing:
-    """Return the crossing of two rails on one face, which may lie past their ends.
+def cross_rails(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> RailCrossing:
+    """Return the crossing of two rails on one face that is the nearest to given ends (0 or 1), or lies past them.
 
     Raises
     ------
     GeometryError
         If they do not cross.
     """
-    curves = (first, second)
-    t = _guess_crossing(curves)
+    t = _guess_crossing(curves, ends)
     longest = CORNER_TOLERANCES.crossing_step * np.array([np.ptp(one.domain) for one in curves])
     for _ in range(CORNER_TOLERANCES.crossing_steps):
         jets = np.stack([one.jet(np.array([at]), 1)[:, 0] for one, at in zip(curves, t, strict=True)])
@@ -52,12 +51,28 @@ def cross_rails(first: Curve, second: Curve) -> RailCrossing:
     return RailCrossing(t, jets[:, 0].mean(axis=0), normalise_vectors(jets[:, 1]))
 
 
-def _guess_crossing(curves: tuple[Curve, Curve]) -> Array:
-    """Return the parameters (2,) at which samples of two curves are nearest to each other."""
-    t = [np.linspace(*one.domain, CORNER_TOLERANCES.rail_crossing_samples) for one in curves]
+def cross_end_tangents(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> Array:
+    """Return the parameters (2,) at which two rails would cross if they went on straight past given ends (0 or 1)."""
+    stops = np.array([one.domain[end] for one, end in zip(curves, ends, strict=True)])
+    jets = np.stack([one.jet(np.array([at]), 1)[:, 0] for one, at in zip(curves, stops, strict=True)])
+    rates = np.stack([jets[0, 1], -jets[1, 1]], axis=1)
+    steps, *_ = np.linalg.lstsq(rates, jets[1, 0] - jets[0, 0], rcond=None)
+    return np.asarray(stops + steps)
+
+
+def _guess_crossing(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> Array:
+    """Return the parameters (2,) of samples of two curves that are near to each other, the nearest to given ends.
+
+    If none are as near as neighbours of one curve, they are those at the least distance.
+    """
+    count = CORNER_TOLERANCES.rail_crossing_samples
+    t = [np.linspace(*(one.domain[::-1] if end else one.domain), count) for one, end in zip(curves, ends, strict=True)]
     first, second = (one(at) for one, at in zip(curves, t, strict=True))
-    distances = ((first[:, None] - second) ** 2).sum(axis=2)
-    i, k = np.unravel_index(distances.argmin(), distances.shape)
+    distances = np.linalg.norm(first[:, None] - second, axis=2)
+    spacing = max(float(np.linalg.norm(np.diff(points, axis=0), axis=1).max()) for points in (first, second))
+    far = np.add.outer(np.arange(count), np.arange(count))
+    order = np.where(distances <= spacing, far, 2 * count + distances / spacing)
+    i, k = np.unravel_index(order.argmin(), order.shape)
     return np.array([t[0][i], t[1][k]])
 
 

@@ -41,11 +41,14 @@ def locate_crossing(own_width: float, other_width: float, angle: float) -> float
     return float((other_width + own_width * np.cos(angle)) / sine) if sine else np.inf
 
 
-def choose_setback(width: float, crossings: Sequence[float]) -> Setback:
-    """Return the setback of a blend of a given width whose rails cross others at given distances from the vertex."""
+def choose_setback(width: float, crossings: Sequence[float], attempt: int = 0) -> Setback:
+    """Return the setback of a blend of a given width whose rails cross others at given distances from the vertex.
+
+    Others than the first ``attempt`` are longer or shorter.
+    """
     farthest, extra = max(0.0, *crossings), CORNER_TOLERANCES.setback_widths * width
     return Setback(
-        CORNER_TOLERANCES.setback_factor * farthest + extra,
+        CORNER_TOLERANCES.setback_factors[attempt] * farthest + extra,
         max(CORNER_TOLERANCES.least_setback_factor * farthest, extra),
     )
 

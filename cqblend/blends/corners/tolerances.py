@@ -43,9 +43,9 @@ class CornerTolerances:
     crossing_distances: tuple[float, float] = (0.1, 5.0)
     """Range of these distances, in chords of the curve, in which they tell its speeds."""
 
-    setback_factor: float = 1.5
+    setback_factors: tuple[float, ...] = (1.5, 2.0, 1.2, 3.0)
     """Setback of a blend from where its rails meet those of its neighbours, as a factor on the distance of that place
-    from the vertex."""
+    from the vertex: tried in this order."""
 
     setback_widths: float = 0.25
     """What is added to it, in widths of the blend."""

@@ -87,7 +87,7 @@ class ArcStrip:
         return self.section.map_from_spline(tv[:, 0], tv[:, 1])
 
     def map_curve_from_blend(self, curve: Curve) -> Curve:
-        return fit_mapped_curve(self.map_from_blend, curve, self.section.length)
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.breaks, self.section.length)
 
     def map_to_surface(self, curve: Curve) -> Curve:
         section = self.section
@@ -139,7 +139,8 @@ class ArcStrip:
             return np.stack([s, (t - low) / section.opening], axis=-1)
 
         breaks = np.linspace(low, high, NETWORK_TOLERANCES.cut_spans + 1)
-        on_strip = approximate_curve(locate_on_strip, breaks, NETWORK_TOLERANCES.cut_fit * radius)
+        size = max(1.0, abs(height) + radius * longer)  # of s; v is at most 1
+        on_strip = approximate_curve(locate_on_strip, breaks, NETWORK_TOLERANCES.cut_fit * size)
         centre, axes = _project_to_plane(plane, placed)
         return StripCut(Ellipse(placed, radii), (low, high), on_strip, PlanarEllipse(centre, axes, radii))
 

@@ -71,8 +71,10 @@ class CellRails:
         What makes ribbons in lighter forms, if these may be exact.
     fit_turning
         What makes light ribbons about a ball that turns in place, between which nothing but its arcs is smooth.
+    goes_around
+        Whether the ball goes around a round face, so that one rail is much shorter than the other.
     pole
-        Where the ball turns about one point, if it does.
+        Where it then turns about one point, if it does.
     locate_corners
         What returns the parameters in a range at which contacts are known to be no more than C1.
     rank
@@ -87,6 +89,7 @@ class CellRails:
     length: float
     fit_light: LightFit | None = None
     fit_turning: LightFit | None = None
+    goes_around: bool = False
     pole: CellPole | None = None
     locate_corners: Callable[[Domain], Array] = _locate_no_corners
     rank: int = 0

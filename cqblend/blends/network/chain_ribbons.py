@@ -18,13 +18,13 @@ import numpy as np
 
 from cqblend.blends.network.chain_cell import CellEnd, CellRails, ChainCell, WantedEnd
 from cqblend.blends.network.junction_stations import Crossings, locate_junction
-from cqblend.blends.network.pole_cells import (
-    bend_for_pole,
-    can_join_pole,
+from cqblend.blends.network.round_cells import (
+    bend_for_round_cell,
+    can_join_round_cell,
     locate_pole,
     move_rail_end,
     pin_pole,
-    take_section_at_pole,
+    take_round_section,
 )
 from cqblend.blends.network.shared_section import (
     SectionEnd,
@@ -96,7 +96,7 @@ def fit_chain_ribbons(
     if for_arcs is not None:
         return for_arcs
     light = _choose_light_cells(chain, links)
-    poles = _place_poles(chain, links, light)
+    rounds = _settle_round_cells(chain, links, light)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     for k, end in ((0, 0), (-1, 1)):
         if settled[end] and light[k] is None:
@@ -107,11 +107,11 @@ def fit_chain_ribbons(
         first, second = light[before], light[after]
         start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
         if start is None and (stop is not None or _dictates(chain, before, after)):
-            start = _settle_section(chain, wanted, (before, 1), stop, poles.get((before, 1)))
+            start = _settle_section(chain, wanted, (before, 1), stop, rounds.get((before, 1)))
         if stop is None:
-            stop = _settle_section(chain, wanted, (after, 0), start, poles.get((after, 0)))
+            stop = _settle_section(chain, wanted, (after, 0), start, rounds.get((after, 0)))
         if start is None:
-            start = _settle_section(chain, wanted, (before, 1), stop, poles.get((before, 1)))
+            start = _settle_section(chain, wanted, (before, 1), stop, rounds.get((before, 1)))
         mismatches.append(_compare_sections(start, stop, chain[before].ends[1].gap))
         given = chain[before].ends[1].roughness + chain[before].ends[1].gap / start.width
         for k in (before, after):
@@ -152,58 +152,62 @@ def _fit_for_arcs(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) 
 
 
 @dataclass(frozen=True)
-class _NeighbourPole:
-    """The pole of the cell beyond an end of another one: on which side, 0 or 1, and where (3,)."""
+class _RoundNeighbour:
+    """A cell around a round face beyond an end of another one: the side, 0 or 1, and the place of its pole, if any."""
 
-    side: int
-    point: Array
+    pole_side: int | None
+    pole: Array
 
 
-def _place_poles(
+def _settle_round_cells(
     chain: list[ChainCell], links: Sequence[tuple[int, int]], light: list[_LightCell | None]
-) -> dict[tuple[int, int], _NeighbourPole]:
-    """Bring the poles of cubic cells to where light neighbours end; return the poles beside the ends of other cells.
+) -> dict[tuple[int, int], _RoundNeighbour]:
+    """Settle which cells around round faces are cubic, and where their poles are; return them as neighbours of others.
 
-    A light cell that cannot have its end there, or share a section with such a cell, becomes cubic. Keys are a cell and
-    one of its ends.
+    Poles are where light neighbours end. Of these, those that cannot end there, or share a section with such a cell,
+    become cubic. Keys are a cell and one of its ends.
     """
-    poles: dict[tuple[int, int], _NeighbourPole] = {}
+    found: dict[tuple[int, int], _RoundNeighbour] = {}
     for k, cell in enumerate(chain):
-        pole = cell.rails.pole
-        if pole is None:
+        if not cell.rails.goes_around:
             continue
+        pole, own = cell.rails.pole, light[k]
         beside = [(before, 1) for before, after in links if after == k]
         beside += [(after, 0) for before, after in links if before == k]
-        own = light[k]
         if own is not None and all(
             light[j] is not None or _share_direction(chain[j], end, own.sections[1 - end]) for j, end in beside
         ):
             continue
         light[k] = None
+        for j, end in beside:
+            one = light[j]
+            if one is not None and not can_join_round_cell(one.sections[end], chain[j].ends[end].roughness):
+                light[j] = None
+        if pole is None:
+            found |= dict.fromkeys(beside, _RoundNeighbour(None, np.zeros(3)))
+            continue
         point: Array | None = None
         for j, end in sorted(beside, key=lambda place: chain[place[0]].rails.rank):
             one = light[j]
             if one is None:
                 continue
-            section, roughness = one.sections[end], chain[j].ends[end].roughness
+            section = one.sections[end]
             there = section.jets[pole.side].values[0]
-            if not can_join_pole(section, roughness):
-                light[j] = None
-            elif point is None:
+            if point is None:
                 point = there
             elif np.linalg.norm(there - point) > max(NETWORK_TOLERANCES.natural_gap, bound_rounding(section)[0]):
                 light[j] = None
         point = locate_pole(cell) if point is None else point
         chain[k] = pin_pole(cell, point)
-        poles |= {place: _NeighbourPole(pole.side, point) for place in beside}
-    return poles
+        found |= dict.fromkeys(beside, _RoundNeighbour(pole.side, point))
+    return found
 
 
 def _dictates(chain: Sequence[ChainCell], before: int, after: int) -> bool:
     """Whether the cell before a junction dictates its section to the one after it, of two cubic ones."""
     first, second = chain[before].rails, chain[after].rails
-    if (first.pole is None) != (second.pole is None):
-        return first.pole is None
+    if first.goes_around != second.goes_around:
+        return second.goes_around
     return first.rank <= second.rank
 
 
@@ -212,14 +216,14 @@ def _settle_section(
     wanted: Sequence[list[WantedEnd | None]],
     place: tuple[int, int],
     given: SectionEnd | None,
-    pole: _NeighbourPole | None,
+    beyond: _RoundNeighbour | None,
 ) -> SectionEnd:
     """Settle, and return, the section of a cubic cell at a place, cell and end: its own, or one that is given to it.
 
-    ``pole`` is that of the cell beyond the end, if it has one.
+    ``beyond`` is the cell beyond the end, if that goes around a round face.
     """
     cell, end = place
-    own = dictate_section(chain[cell], end, pole) if given is None else take_section(chain[cell], end, given)
+    own = dictate_section(chain[cell], end, beyond) if given is None else take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
 
@@ -296,15 +300,15 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
     return light
 
 
-def dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None = None) -> WantedEnd:
-    """Return the natural section of a cubic cell at one end, beyond which there may be a pole.
+def dictate_section(cell: ChainCell, end: int, beyond: _RoundNeighbour | None = None) -> WantedEnd:
+    """Return the natural section of a cubic cell at one end, beyond which there may be a cell around a round face.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
     it exactly: then a neighbour may have others of its own in that direction.
     """
     jets = cell.estimate_natural_end(end)
-    if pole is not None:
-        jets = move_rail_end(jets, pole.side, pole.point)
+    if beyond is not None and beyond.pole_side is not None:
+        jets = move_rail_end(jets, beyond.pole_side, beyond.pole)
     first, second = (cross_product(one.rates[0], one.values[1]) for one in jets)
     across = cross_product(first, second)
     sine = np.linalg.norm(across) / (np.linalg.norm(first) * np.linalg.norm(second))
@@ -315,7 +319,7 @@ def dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None = Non
             wanted = cell.lift_end(end, _project_rates(jets, direction))
             if wanted.section.find_common_direction(cell.ends[end].roughness) is not None:
                 return wanted
-    return cell.lift_end(end, jets) if pole is None else bend_for_pole(cell, end, jets)
+    return cell.lift_end(end, jets) if beyond is None else bend_for_round_cell(cell, end, jets)
 
 
 def _is_nearly_parallel(jets: EndJets, order: int, direction: Array) -> bool:
@@ -344,8 +348,8 @@ def take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     shared = _share_direction(cell, end, given)
     if shared is not None:
         return shared
-    if cell.rails.pole is not None:
-        return take_section_at_pole(cell, end, given, natural)
+    if cell.rails.goes_around:
+        return take_round_section(cell, end, given, natural)
     speeds = [
         float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
         for one, own in zip(given.jets, natural, strict=True)

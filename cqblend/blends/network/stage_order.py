@@ -38,13 +38,14 @@ def find_stages(count: int, together: Pairs, before: Pairs) -> list[int] | None:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Three items that meet, and which of them may lead, in the order in which they are tried.
+    """Three items that meet, and which of them may lead, those rather that are ``preferred``.
 
     ``can_go_together`` tells whether all three may go in one stage, without a leader.
     """
 
     items: tuple[int, int, int]
     leaders: tuple[int, ...]
+    preferred: tuple[int, ...] = ()
     can_go_together: bool = False
 
     def list_constraints(self, leader: int | None) -> tuple[Pairs, Pairs]:
@@ -91,23 +92,24 @@ class _Search:
         return False
 
     def _rank_leaders(self) -> list[int | None]:
-        """Return who may lead at the next meeting, those first that need the fewest stages, or lead already."""
+        """Return who may lead at the next meeting: first who is preferred, needs few stages, or leads already."""
         leading, meeting = set(self.chosen), self.meetings[len(self.chosen)]
-        ranks: dict[int | None, tuple[bool, int, bool]] = {}
+        ranks: dict[int | None, tuple[bool, bool, int, bool]] = {}
         for leader in (*meeting.leaders, *([None] if meeting.can_go_together else [])):
             self.trials -= 1
             self.chosen.append(leader)
             stages = self.find_stages()
             self.chosen.pop()
             if stages is not None:
-                ranks[leader] = (leader is None, max(stages), leader not in leading)
+                disliked = leader not in meeting.preferred
+                ranks[leader] = (leader is None, disliked, max(stages), leader not in leading)
         return sorted(ranks, key=lambda leader: ranks[leader])
 
 
 def choose_leaders(
     count: int, meetings: Sequence[Meeting], together: Pairs = (), before: Pairs = ()
 ) -> list[int | None] | None:
-    """Return which item leads at each meeting, so that all can be done in some stages, and in few of them.
+    """Return which item leads at each meeting, so that all can be done in some stages; in few, if preferences allow it.
 
     Some pairs go ``together`` anyhow, and in some the first comes ``before`` the second.
 
@@ -124,9 +126,10 @@ def choose_leaders(
     [4, 5, 6, 7, 4, 5, 6, 7]
     """
     order = sorted(range(len(meetings)), key=lambda k: len(meetings[k].leaders))
-    preferred = _match_meetings(meetings)
+    liked = [replace(one, leaders=one.preferred or one.leaders) for one in meetings]
+    matching = _match_meetings(liked) or _match_meetings(meetings)
     sorted_meetings = [
-        replace(one, leaders=tuple(sorted(one.leaders, key=lambda item: item not in preferred)))
+        replace(one, leaders=tuple(sorted(one.leaders, key=lambda item: item not in matching)))
         for one in (meetings[k] for k in order)
     ]
     search = _Search(count, sorted_meetings, together, before)

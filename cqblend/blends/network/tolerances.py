@@ -45,7 +45,10 @@ class NetworkTolerances:
     """Radians: straight curves that leave a common end at less lie on each other."""
 
     cut_fit: float = 1e-12
-    """Relative to the radius: largest error of an ellipse in the parameters of its cylinder, where it is a spline."""
+    """Relative to their size, at least 1: largest error of an ellipse in the parameters of its strip, as a spline."""
+
+    mapped_rounding: float = 1e-14
+    """Relative to the largest parameter: what is added to that error where a curve is mapped to another plane."""
 
     cut_spans: int = 4
     """Spans from which on that is fitted."""

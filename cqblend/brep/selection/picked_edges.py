@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -65,12 +65,13 @@ def select_chains(
     reach: Callable[[Joint], float] | None,
     *,
     follow: bool,
+    stops: Collection[int] = (),
 ) -> Selection:
     """Find the chain through every picked edge, and unify the faces of its cells with others on the same surface.
 
-    With ``follow``, chains go on along edges that were not picked. Only faces within ``reach`` of a cell (mm) are
-    unified; without it, none. That is repeated, as a cell between unified faces may be longer and come near to more
-    faces.
+    With ``follow``, chains go on along edges that were not picked, but for ``stops``, by their numbers. Only faces
+    within ``reach`` of a cell (mm) are unified; without it, none. That is repeated, as a cell between unified faces may
+    be longer and come near to more faces.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def select_chains(
     SelectionError
         An edge, or the face that is to be side 1, does not belong there, or there is nothing to blend at any of them.
     """
-    picks = PickedEdges(shape, edges, side1_face, follow=follow)
+    picks = PickedEdges(shape, edges, side1_face, follow=follow, stops=stops)
     chains: list[FoundChain] = []
     nothing_to_blend: list[tuple[int, SelectionError]] = []
     covered: set[int] = set()
@@ -122,7 +123,13 @@ class PickedEdges:
     """The picked edges of a shape, and what has become of them and of their faces by unification and by blends."""
 
     def __init__(
-        self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], side1_face: TopoDS_Face | None, *, follow: bool
+        self,
+        shape: TopoDS_Shape,
+        edges: Sequence[TopoDS_Edge],
+        side1_face: TopoDS_Face | None,
+        *,
+        follow: bool,
+        stops: Collection[int] = (),
     ) -> None:
         self.shape = shape
         self._input = SolidIndex(shape)
@@ -134,7 +141,7 @@ class PickedEdges:
         self.numbers = tuple(dict.fromkeys(numbers))
         self._oriented_picks = dict(zip(reversed(numbers), reversed(edges), strict=True))  # as the user oriented them
         self._solids = [self._input if body.IsEqual(shape) else SolidIndex(body) for body in list_bodies(shape)]
-        self._may_follow = None if follow else lambda edge: bool(self.list_picks([edge]))
+        self._follows, self._stops = follow, frozenset(stops)
         # numbers of the faces that are to be side 1: the given one, and those unified with it
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
         self._replaced_faces: list[tuple[TopoDS_Shape, list[int]]] = []  # new ones, each with the numbers of its parts
@@ -146,6 +153,12 @@ class PickedEdges:
     def _list_faces(self, number: int) -> list[int]:
         """Return the numbers of the faces at an edge of the input, in ascending order."""
         return sorted(map(self._input.faces.find_number, self._input.faces_at_edge(self._input.edges[number])))
+
+    def _may_follow(self, edge: TopoDS_Edge) -> bool:
+        """Whether a chain may go on along an edge."""
+        if self.list_picks([edge]):
+            return True
+        return self._follows and self._stops.isdisjoint(self._list_edge_numbers([edge]))
 
     def _find_current_edge(self, number: int) -> TopoDS_Edge:
         """Return an edge of the input, or what has replaced it."""

@@ -10,7 +10,7 @@ from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measurement.edge_sides import EdgeSide, get_two_sides
@@ -89,10 +89,10 @@ class SolidIndex:
             self._classifiers[key] = BRepTopAdaptor_FClass2d(face, tolerance)
         return self._classifiers[key]
 
-    def is_inside_face(self, face: TopoDS_Face, uv: Array) -> bool:
-        """Whether parameters (2,), in the window of a face, lie inside it or on its boundary."""
-        classifier = self.get_classifier(face, SELECT_TOLERANCES.face_boundary)
-        return bool(classifier.Perform(gp_Pnt2d(*uv.tolist())) != TopAbs_OUT)
+    def is_inside_face(self, face: TopoDS_Face, uv: Array, *, or_on_boundary: bool) -> bool:
+        """Whether a contact with parameters (2,), in the window of a face, lies inside it."""
+        state = self.get_classifier(face, SELECT_TOLERANCES.contact_boundary).Perform(gp_Pnt2d(*uv.tolist()))
+        return bool(state == TopAbs_IN or (or_on_boundary and state == TopAbs_ON))
 
     def list_same_surface_neighbours(self, face: TopoDS_Face) -> list[tuple[TopoDS_Edge, TopoDS_Face]]:
         """Return the edges at which a face goes on smoothly in another one on the same surface, with that face."""

@@ -20,7 +20,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedVertex,
 )
 from cqblend.brep.shell_editing.corner_plan import CornerPlan
-from cqblend.brep.shell_editing.corner_sides import CornerStrip, cross_all_rails, require_faces_between
+from cqblend.brep.shell_editing.corner_sides import CornerStrip, cross_all_rails, require_faces_between, require_reach
 from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import GeometryError
@@ -51,50 +51,69 @@ def rest_ball(ends: Sequence[PlacedEnd]) -> CornerPlan:
     if len({strip.placement.joint.is_convex for strip in strips}) > 1:
         raise GeometryError("no ball rests in the corner: some of its edges are convex, others concave")
     crossings = cross_all_rails(strips)
-    stations = []
-    for k, strip in enumerate(strips):
-        t = np.array([crossings[k - 1].parameters[1], crossings[k].parameters[0]])
-        stations.append(strip.placement.strip.map_from_blend(np.stack([t, [0.0, 1.0]], axis=1))[:, 0])
-    circles = [arc.locate_section(float(s.mean())).curve for arc, s in zip(arcs, stations, strict=True)]
-    centres = np.array([circle.frame.origin for circle in circles if isinstance(circle, Circle)])
-    allowed = SHELL_EDIT_TOLERANCES.resting_ball * max(radius, float(np.abs(centres).max()))
-    if not np.abs(centres - centres.mean(axis=0)).max() <= allowed:
-        off = float(np.abs(centres - centres.mean(axis=0)).max())
+    stops = [np.array([crossings[k - 1].parameters[1], one.parameters[0]]) for k, one in enumerate(crossings)]
+    require_reach(strips, [Curve.bezier(np.stack([t, [0.0, 1.0]], axis=1)) for t in stops])
+    vertices = [PlannedVertex(crossing.point) for crossing in crossings]
+    sections = [
+        _EndSection(strip, float(t.mean()), (vertices[k - 1], vertices[k]))
+        for k, (strip, t) in enumerate(zip(strips, stops, strict=True))
+    ]
+    centres = np.array([section.circle.frame.origin for section in sections])
+    centre = centres.mean(axis=0)
+    off = max(float(np.abs(centres - centre).max()), *(section.measure_gap() for section in sections))
+    if not off <= SHELL_EDIT_TOLERANCES.resting_ball * max(radius, float(np.abs(centres).max())):
         raise GeometryError(
             f"no ball of radius {radius:.6g} touches all faces of the corner: it would have to be in places {off:.2g} "
             "mm apart",
             kind="ball",
             value=off,
         )
-    vertices = [PlannedVertex(crossing.point) for crossing in crossings]
-    return _plan_sphere(strips, stations, vertices, centres.mean(axis=0))
+    return _plan_sphere(sections, _place_sphere(centre, radius, np.array([vertex.point for vertex in vertices])))
 
 
-def _plan_sphere(
-    strips: Sequence[CornerStrip], stations: Sequence[Array], vertices: Sequence[PlannedVertex], centre: Array
-) -> CornerPlan:
-    """Plan the sphere about a centre; ``vertices`` are where strips and those after them meet."""
-    radius = float(np.linalg.norm(vertices[0].point - centre))
-    sphere = _place_sphere(centre, radius, np.array([vertex.point for vertex in vertices]))
+class _EndSection:
+    """The section in which a strip ends, at the parameter t of its rails; ``vertices`` are in the sense of the hole."""
+
+    def __init__(self, strip: CornerStrip, t: float, vertices: tuple[PlannedVertex, PlannedVertex]) -> None:
+        self.strip = strip
+        self.placement = strip.placement
+        self.s = float(self.placement.strip.map_from_blend(np.array([[t, 0.0]]))[0, 0])
+        self.vertices = vertices if strip.end else vertices[::-1]  # from rail 1 to rail 2
+        section = self.placement.strip.locate_section(self.s)
+        if not isinstance(section.curve, Circle):
+            raise TypeError("the section of a strip of arcs is a circle")
+        self.circle, self.span, self.make_pcurve = section.curve, section.span, section.make_pcurve
+
+    def measure_gap(self) -> float:
+        """Return how far (mm) its ends are from the vertices."""
+        points = np.stack([vertex.point for vertex in self.vertices])
+        return float(np.linalg.norm(self.circle(np.array(self.span)) - points, axis=1).max())
+
+    def plan_edge(self, on_sphere: PlannedPcurve) -> NewEdge:
+        """Plan its edge."""
+        pcurves = self.placement.plan_pcurve(self.make_pcurve(self.s)), on_sphere
+        return NewEdge("section", self.circle, self.span, self.vertices, pcurves, 1)
+
+
+def _plan_sphere(sections: Sequence[_EndSection], sphere: Sphere) -> CornerPlan:
+    """Plan the face on a sphere between the sections in which strips end."""
     surface = PlannedSurface(sphere)
     ends, boundary = [], []
-    for k, (strip, parameters) in enumerate(zip(strips, stations, strict=True)):
-        placement, corners = strip.placement, (vertices[k - 1], vertices[k])
-        if strip.end == 0:
-            corners = corners[::-1]
-        s = float(parameters.mean())
-        section = placement.strip.locate_section(s)
-        on_sphere = PlannedPcurve(surface, _fit_on_sphere(sphere, section.curve, section.span))
-        pcurves = placement.plan_pcurve(section.make_pcurve(s)), on_sphere
-        edge = NewEdge("section", section.curve, section.span, corners, pcurves, 1)
-        boundary.append(EdgeUse(edge, strip.end == 1))
-        vertex = placement.keep_vertex(placement.joint.spine.vertices[strip.end])
-        ends.append(StripEnd((EdgeUse(edge),), corners, (s, s), vertex))
-    is_inverted = not strips[0].placement.joint.is_convex
-    first = strips[0].placement
-    number = first.index.vertices.find_number(first.joint.spine.vertices[strips[0].end])
-    spines = tuple(strip.placement.spine_numbers[-strip.end] for strip in strips)
-    return CornerPlan("ball", tuple(ends), (PatchPlan(number, spines, surface, tuple(boundary), is_inverted),))
+    for section in sections:
+        on_sphere = PlannedPcurve(surface, _fit_on_sphere(sphere, section.circle, section.span))
+        edge = section.plan_edge(on_sphere)
+        boundary.append(EdgeUse(edge, section.strip.end == 1))
+        vertex = section.placement.keep_vertex(section.strip.vertex)
+        ends.append(StripEnd((EdgeUse(edge),), section.vertices, (section.s, section.s), vertex))
+    first = sections[0].placement
+    patch = PatchPlan(
+        first.index.vertices.find_number(sections[0].strip.vertex),
+        tuple(section.placement.spine_numbers[-section.strip.end] for section in sections),
+        surface,
+        tuple(boundary),
+        is_inverted=not first.joint.is_convex,
+    )
+    return CornerPlan("ball", tuple(ends), (patch,))
 
 
 def _place_sphere(centre: Array, radius: float, points: Array) -> Sphere:
@@ -118,7 +137,7 @@ def _place_sphere(centre: Array, radius: float, points: Array) -> Sphere:
     return Sphere(frame, radius, axis)
 
 
-def _fit_on_sphere(sphere: Sphere, circle: Curve | Circle, span: tuple[float, float]) -> Curve:
+def _fit_on_sphere(sphere: Sphere, circle: Circle, span: tuple[float, float]) -> Curve:
     """Return the parameters on a sphere of a curve on it, far from its poles and its seam."""
 
     def locate_points(t: Array) -> Array:

@@ -11,6 +11,7 @@ from cqblend.brep.selection.chains import Chain, Junction
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.topology import find_end_vertices
 
 
 def join_chain(placements: Sequence[StripPlacement], chain: Chain) -> list[tuple[StripEnd, StripEnd]]:
@@ -20,7 +21,9 @@ def join_chain(placements: Sequence[StripPlacement], chain: Chain) -> list[tuple
     """
     count = len(placements)
     pairs = [(placements[k], placements[(k + 1) % count]) for k in range(len(chain.junctions))]
-    corners = [_plan_corners(before, after) for before, after in pairs]
+    corners = [
+        _plan_corners(before, after, junction) for (before, after), junction in zip(pairs, chain.junctions, strict=True)
+    ]
     for k, placement in enumerate(placements):
         start, stop = (k - 1) % count, k
         if max(start, stop) >= len(pairs):
@@ -35,13 +38,15 @@ def join_chain(placements: Sequence[StripPlacement], chain: Chain) -> list[tuple
     ]
 
 
-def _plan_corners(before: StripPlacement, after: StripPlacement) -> tuple[PlannedVertex, ...]:
-    """Return where the rails of two cells meet."""
+def _plan_corners(before: StripPlacement, after: StripPlacement, junction: Junction) -> tuple[PlannedVertex, ...]:
+    """Return where the rails of two cells meet: at the end of a smooth edge, if they cross it there."""
     stop, start = np.array([before.domain[1]]), np.array([after.domain[0]])
     points = [
         (first(stop)[0], second(start)[0]) for first, second in zip(before.rail_curves, after.rail_curves, strict=True)
     ]
-    return tuple(PlannedVertex(one, gap=float(np.linalg.norm(one - other))) for one, other in points)
+    corners = (PlannedVertex(one, gap=float(np.linalg.norm(one - other))) for one, other in points)
+    ends = ([vertex for edge in edges for vertex in find_end_vertices(edge)] for edges in junction.crossed)
+    return tuple(before.keep_vertex_at(corner, near) for corner, near in zip(corners, ends, strict=True))
 
 
 def _join_cells(

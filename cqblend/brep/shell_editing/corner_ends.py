@@ -15,9 +15,9 @@ from cqblend.brep.shell_editing.corner_patches import patch_crossing_rails, patc
 from cqblend.brep.shell_editing.corner_plan import CornerPlan
 from cqblend.brep.shell_editing.mitred_ends import mitre_ends
 from cqblend.brep.shell_editing.mitred_strip import pair_strips
-from cqblend.brep.shell_editing.strip_end import PlacedEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripsTooShortError
 from cqblend.brep.shell_editing.turned_ends import turn_ends
-from cqblend.errors import GeometryError, SizeError
+from cqblend.errors import DegreeError, GeometryError, SizeError
 
 
 def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
@@ -38,7 +38,9 @@ def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
     for method in methods[:-1]:
         try:
             return _plan_by_method(method, corner, ends)
-        except (GeometryError, SizeError):
+        except StripsTooShortError:
+            raise
+        except (GeometryError, SizeError, DegreeError):
             continue
     return _plan_by_method(methods[-1], corner, ends)
 

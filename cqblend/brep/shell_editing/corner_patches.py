@@ -13,6 +13,7 @@ import numpy as np
 
 from cqblend.blends.corners.corner_filler import fill_with_one_patch, fill_with_quads
 from cqblend.blends.corners.patch_quality import check_patches
+from cqblend.blends.corners.tolerances import CORNER_TOLERANCES
 from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
@@ -36,7 +37,10 @@ from cqblend.brep.shell_editing.corner_sides import (
     list_setback_sections,
     make_face_curve_side,
     make_section_side,
+    measure_roughness,
     require_faces_between,
+    require_reach,
+    settle_compact_ends,
 )
 from cqblend.brep.shell_editing.rail_edges import find_window_shift
 from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
@@ -52,6 +56,8 @@ def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> CornerPlan:
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must be made longer.
     SizeError, TopologyError, GeometryError
         If there is no sound corner of this kind.
     """
@@ -59,12 +65,14 @@ def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> CornerPlan:
     require_faces_between(strips)
     crossings = cross_all_rails(strips)
     pcurves = list_crossing_sections(strips, crossings)
-    if not _reach_sections(strips, pcurves):
-        return CornerPlan("cross", _list_bare_ends(strips, pcurves))
+    require_reach(strips, pcurves)
     dim = choose_dimension(strips, on_faces=False)
     sides = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
-    vertices = [PlannedVertex(crossings[k - 1].point) for k in range(len(strips))]
-    return CornerPlan("cross", *_Hole(sides, vertices).plan_faces())
+    vertices = []
+    for k, side in enumerate(sides):
+        point = crossings[k - 1].point
+        vertices.append(PlannedVertex(point, gap=max(side.measure_gap(point), sides[k - 1].measure_gap(point))))
+    return CornerPlan("cross", *_Hole(sides, vertices, measure_roughness(strips)).plan_faces())
 
 
 def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | None]) -> CornerPlan:
@@ -72,14 +80,28 @@ def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | No
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must be made longer.
     SizeError, TopologyError, GeometryError
         If there is no sound corner of this kind.
     """
     strips = [CornerStrip(end) for end in ends]
     require_faces_between(strips)
-    pcurves = list_setback_sections(strips, cross_all_rails(strips), setbacks)
-    if not _reach_sections(strips, pcurves):
-        return CornerPlan("setback", _list_bare_ends(strips, pcurves))
+    is_free = any(one is None for one in setbacks)
+    failure: GeometryError | None = None
+    for attempt in range(len(CORNER_TOLERANCES.setback_factors) if is_free else 1):
+        pcurves = settle_compact_ends(strips, list_setback_sections(strips, setbacks, attempt))
+        require_reach(strips, pcurves)
+        try:
+            return _patch_sections(strips, pcurves)
+        except GeometryError as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+def _patch_sections(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> CornerPlan:
+    """Plan patches between strips that end in given sections before the vertex."""
     dim = choose_dimension(strips, on_faces=True)
     sections = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     sides: list[HoleSide] = []
@@ -89,32 +111,11 @@ def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | No
     return CornerPlan("setback", *_Hole(sides, vertices).plan_faces())
 
 
-def _reach_sections(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> bool:
-    """Whether all strips are long enough for the curves that they are to end in."""
-    for strip, pcurve in zip(strips, pcurves, strict=True):
-        low, high = strip.surface.domain[0]
-        t = pcurve.coefs[:, 0]
-        if t.min() < low or t.max() > high:
-            return False
-    return True
-
-
-def _list_bare_ends(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> tuple[StripEnd, ...]:
-    """Return ends that tell how far strips must reach, and nothing else."""
-    ends = []
-    for strip, pcurve in zip(strips, pcurves, strict=True):
-        t = pcurve.coefs[:, 0, 0]
-        reach = strip.placement.strip.map_from_blend(np.array([[t.min(), 0.0], [t.max(), 1.0]]))[:, 0]
-        nowhere = PlannedVertex(strip.vertex_point)
-        vertex = strip.placement.keep_vertex(strip.placement.joint.spine.vertices[strip.end])
-        ends.append(StripEnd((), (nowhere, nowhere), (float(reach[0]), float(reach[1])), vertex))
-    return tuple(ends)
-
-
 class _Hole:
-    """The hole at a corner: its sides, head to tail, and the vertices where they start."""
+    """The hole at a corner: its sides, head to tail, vertices where they start, and by how much they may disagree."""
 
-    def __init__(self, sides: Sequence[HoleSide], vertices: Sequence[PlannedVertex]) -> None:
+    def __init__(self, sides: Sequence[HoleSide], vertices: Sequence[PlannedVertex], roughness: float = 0.0) -> None:
+        self.roughness = roughness
         self.sides = tuple(sides)
         self.vertices = tuple(vertices)
         self.strips = [side.strip for side in sides if isinstance(side, SectionSide)]
@@ -149,7 +150,7 @@ class _Hole:
     def _fill_with_one_patch(self) -> tuple[tuple[PatchPlan, ...] | None, list[list[EdgeUse]] | None]:
         """Return the one patch of four sides and its edges by side; None if it is not sound."""
         try:
-            (patch,) = fill_with_one_patch([side.side for side in self.sides]).patches
+            (patch,) = fill_with_one_patch([side.side for side in self.sides], self.roughness).patches
             check_patches([patch], self.radius)
         except GeometryError:
             return None, None
@@ -163,7 +164,7 @@ class _Hole:
 
     def _fill_with_quads(self) -> tuple[tuple[PatchPlan, ...], list[list[EdgeUse]]]:
         """Return one quad for each corner of the hole, and the two edges of each side."""
-        quads = fill_with_quads([side.side for side in self.sides]).patches
+        quads = fill_with_quads([side.side for side in self.sides], self.roughness).patches
         check_patches(quads, self.radius)
         m = len(quads)
         surfaces = [PlannedSurface(quad) for quad in quads]
@@ -194,8 +195,7 @@ class _Hole:
         return patches, halves
 
     def _plan_patch(self, surface: PlannedSurface, boundary: Sequence[EdgeUse]) -> PatchPlan:
-        placement, end = self.strips[0].placement, self.strips[0].end
-        vertex = placement.index.vertices.find_number(placement.joint.spine.vertices[end])
+        vertex = self.strips[0].placement.index.vertices.find_number(self.strips[0].vertex)
         spines = tuple(strip.placement.spine_numbers[-strip.end] for strip in self.strips)
         return PatchPlan(vertex, spines, surface, tuple(boundary))
 
@@ -256,5 +256,5 @@ def _make_end(
     along = reverse_path(path) if section.is_backward else list(path)
     ordered = corners[::-1] if section.is_backward else corners
     reach = strip.placement.strip.map_from_blend(np.stack([section.stops, (0.0, 1.0)], axis=1))[:, 0]
-    vertex = strip.placement.keep_vertex(strip.placement.joint.spine.vertices[strip.end])
+    vertex = strip.placement.keep_vertex(strip.vertex)
     return StripEnd(tuple(along), ordered, (float(reach[0]), float(reach[1])), vertex, (), plans)

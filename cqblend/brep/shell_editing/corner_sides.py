@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from OCP.TopoDS import TopoDS_Vertex
 
 from cqblend.blends.corners.corner_side import CornerSide, make_face_side, make_strip_side
 from cqblend.blends.corners.face_curve import CurveEnd, build_face_curve, choose_velocities
@@ -18,14 +19,16 @@ from cqblend.blends.corners.rail_crossing import (
     RailCrossing,
     build_end_section,
     build_square_section,
+    cross_end_tangents,
     cross_rails,
 )
 from cqblend.blends.corners.setbacks import choose_setback, fit_setback
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.brep.conversion.support_face import SupportFace
-from cqblend.brep.shell_editing.strip_end import PlacedEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripsTooShortError
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import locate_vertex
-from cqblend.errors import SizeError, TopologyError
+from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Plane
@@ -59,10 +62,15 @@ class CornerStrip:
         """Its rails in space."""
         return self.surface.isoparametric(v=0.0), self.surface.isoparametric(v=1.0)
 
+    @property
+    def vertex(self) -> TopoDS_Vertex:
+        """The vertex."""
+        return self.placement.joint.spine.vertices[self.end]
+
     @cached_property
     def vertex_point(self) -> Array:
         """The point of the vertex."""
-        return locate_vertex(self.placement.joint.spine.vertices[self.end])
+        return locate_vertex(self.vertex)
 
     @cached_property
     def arms(self) -> Array:
@@ -125,6 +133,10 @@ class SectionSide:
         first, last = self.pcurve(np.array([0.0, 1.0]))[:, 0]
         return float(first), float(last)
 
+    def measure_gap(self, point: Array) -> float:
+        """Return how far (mm) a vertex is from the nearer one of its ends."""
+        return float(np.linalg.norm(self.side.evaluate_ends() - point, axis=1).min())
+
     @property
     def is_backward(self) -> bool:
         """Whether it runs from rail 2 to rail 1."""
@@ -155,7 +167,7 @@ def require_faces_between(strips: Sequence[CornerStrip]) -> None:
 def cross_all_rails(strips: Sequence[CornerStrip]) -> list[RailCrossing]:
     """Return where the rails of every strip and the next one cross."""
     return [
-        cross_rails(one.rails[one.following], other.rails[other.preceding])
+        cross_rails((one.rails[one.following], other.rails[other.preceding]), (one.end, other.end))
         for one, other in zip(strips, [*strips[1:], strips[0]], strict=True)
     ]
 
@@ -173,26 +185,25 @@ def list_crossing_sections(strips: Sequence[CornerStrip], crossings: Sequence[Ra
 
 
 def list_setback_sections(
-    strips: Sequence[CornerStrip], crossings: Sequence[RailCrossing], setbacks: Sequence[float | None]
+    strips: Sequence[CornerStrip], setbacks: Sequence[float | None], attempt: int = 0
 ) -> list[Curve]:
-    """Return the curves in the parameter planes of all strips that end before the vertex, all at one t.
+    """Return the curves in the parameter planes of all strips that end before the vertex, each at one t.
 
-    ``setbacks`` are the distances (mm) from the vertex that are asked for, by strip, None for the rule of thumb.
+    ``setbacks`` are the distances (mm) from the vertex that are asked for, by strip, None for the rule of thumb
+    of an ``attempt``.
 
     Raises
     ------
     SizeError
         If an edge is too short, or a setback that is asked for ends past where rails cross.
     """
-    pcurves = []
+    pcurves, crossings = [], _estimate_crossings(strips)
     for k, (strip, asked) in enumerate(zip(strips, setbacks, strict=True)):
-        ahead = [
-            strip.measure_from_vertex(float(t)) for t in (crossings[k - 1].parameters[1], crossings[k].parameters[0])
-        ]
+        ahead = [strip.measure_from_vertex(t) for t in (crossings[k - 1][1], crossings[k][0])]
         name = strip.placement.joint.name
         if asked is None:
             try:
-                distance = fit_setback(choose_setback(strip.width, ahead), strip.length)
+                distance = fit_setback(choose_setback(strip.width, ahead, attempt), strip.length)
             except SizeError as error:
                 raise error.with_details(shape=name) from error
         elif asked <= max(ahead):
@@ -206,6 +217,59 @@ def list_setback_sections(
             distance = asked
         pcurves.append(build_square_section(strip.locate_from_vertex(distance)))
     return pcurves
+
+
+def require_reach(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> None:
+    """Raise StripsTooShortError unless all strips are long enough for the curves that they are to end in."""
+    reaches = [(float(pcurve.coefs[:, 0].min()), float(pcurve.coefs[:, 0].max())) for pcurve in pcurves]
+    domains = [strip.surface.domain[0] for strip in strips]
+    if all(low <= first and last <= high for (first, last), (low, high) in zip(reaches, domains, strict=True)):
+        return
+    needed = []
+    for strip, (first, last) in zip(strips, reaches, strict=True):
+        farthest = np.array([[last if strip.end else first, 0.0]])
+        needed.append(float(strip.placement.strip.map_from_blend(farthest)[0, 0]))
+    raise StripsTooShortError(needed)
+
+
+def _estimate_crossings(strips: Sequence[CornerStrip]) -> list[tuple[float, float]]:
+    """Return the parameters of every strip and of the next one at which their rails cross, or would if they went on."""
+    found = []
+    for one, other in zip(strips, [*strips[1:], strips[0]], strict=True):
+        rails, ends = (one.rails[one.following], other.rails[other.preceding]), (one.end, other.end)
+        try:
+            t = cross_rails(rails, ends).parameters
+        except GeometryError:
+            t = cross_end_tangents(rails, ends)
+        found.append((float(t[0]), float(t[1])))
+    return found
+
+
+def settle_compact_ends(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> list[Curve]:
+    """Return square end sections, of compact strips at the very ends of these, if they end before the vertex.
+
+    Raises
+    ------
+    StripsTooShortError
+        If some do not, and must be made to end at the given sections.
+    """
+    needed: list[float | None] = []
+    settled = []
+    for strip, pcurve in zip(strips, pcurves, strict=True):
+        stop = strip.surface.domain[0][strip.end]
+        is_compact = strip.placement.blend.form == "compact"
+        is_before = strip.measure_from_vertex(stop) > SHELL_EDIT_TOLERANCES.least_setback * strip.width
+        needed.append(float(pcurve.coefs[0, 0, 0]) if is_compact and not is_before else None)
+        settled.append(build_square_section(stop) if is_compact and is_before else pcurve)
+    if any(one is not None for one in needed):
+        raise StripsTooShortError(needed, exactly=True)
+    return settled
+
+
+def measure_roughness(strips: Sequence[CornerStrip]) -> float:
+    """Return by how much sides may fail to agree that end inside of strips: those of the compact form are not exact."""
+    is_compact = any(strip.placement.blend.form == "compact" for strip in strips)
+    return SHELL_EDIT_TOLERANCES.compact_sides if is_compact else 0.0
 
 
 def choose_dimension(strips: Sequence[CornerStrip], *, on_faces: bool) -> int:

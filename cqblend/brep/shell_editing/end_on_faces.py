@@ -25,7 +25,6 @@ from cqblend.brep.shell_editing.end_crossings import BlendEnd, Crossing
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     plan_cut_edge,
-    plan_end_edge,
     solve_end_curve,
     solve_touch_point,
 )
@@ -107,7 +106,13 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
         grows = is_corner_behind(meetings[side].of_support, meetings[side].vertex, at)
         touch = solve_touch_point(placement.strip, target.face_primary, start, side, into_blend=grows)
     cut = solve_end_curve(placement.strip, target.face_primary, start, touch)
-    edge, corners = plan_end_edge(placement, cut, number)
+    points = (PlannedVertex(cut.ends[0]), PlannedVertex(cut.ends[1]))
+    first, second = (
+        placement.keep_vertex_at(corner, () if side is own else [meeting.vertex])
+        for corner, meeting, side, own in zip(points, meetings, joint.sides, joint.edge_sides, strict=True)
+    )
+    corners = (first, second)
+    edge = plan_cut_edge(placement, cut, corners, number)
     trims = tuple(
         EdgeTrim(placement, end, edge_there, meeting.vertex, corner, faces)
         for meeting, corner, side in zip(meetings, corners, joint.sides, strict=True)

@@ -36,6 +36,7 @@ from cqblend.brep.bodies import replace_body_faces
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
+from cqblend.brep.shell_editing.face_pieces import group_loops
 from cqblend.brep.shell_editing.planned_geometry import make_curve, make_pcurve, make_pcurves, make_surface
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
@@ -115,6 +116,9 @@ class ProposedSolid:
     gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
     removed_faces: tuple[int, ...]  # all faces of the input of which nothing remains
     rebuilt_faces: Mapping[int, TopoDS_Face]  # by the numbers of those of the input that they replace
+    split_faces: Mapping[
+        int, tuple[TopoDS_Face, ...]
+    ]  # all pieces of those that are cut in several, the first included
     edge_pieces: Mapping[int, tuple[TopoDS_Edge, ...]]  # what remains of edges of the input that were cut, by number
 
 
@@ -129,9 +133,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     parts = _PartBuilder(index)
     for edge in plan.edges:
         parts.build_edge(edge)
-    rebuilt: dict[int, TopoDS_Face] = {}
-    for face_plan in plan.faces:
-        rebuilt[face_plan.number] = _rebuild_face(face_plan, parts)
+    pieces = {face_plan.number: _rebuild_face(face_plan, parts) for face_plan in plan.faces}
     blend_faces, caps = [], []
     for strip in plan.strips:
         boundary = tuple(reverse_path(strip.boundary)) if strip.is_mirrored else strip.boundary
@@ -140,15 +142,17 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
     patch_faces = [parts.bound_patch(patch) for patch in plan.patches]
     new_faces = [*blend_faces, *patch_faces, *chain.from_iterable(caps)]
-    deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
-    owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
+    deviations = raise_edge_tolerances([*chain.from_iterable(pieces.values()), *new_faces], index)
+    owners = _list_edge_owners(plan, pieces, blend_faces, caps, parts)
     for patch, face in zip(plan.patches, patch_faces, strict=True):
         for use in patch.boundary:
             owners.setdefault(use.edge, []).append(face)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
         first, second = (
-            rebuilt.get(number) or _find_partner(plan, strip, rail, blend_faces) or index.faces[number]
+            (_find_piece(pieces[number], [parts.build_edge(edge) for edge in rail]) if number in pieces else None)
+            or _find_partner(plan, strip, rail, blend_faces)
+            or index.faces[number]
             for number, rail in zip(strip.support_faces, strip.rails, strict=True)
         )
         rails = ([parts.build_edge(edge) for edge in strip.rails[0]], [parts.build_edge(e) for e in strip.rails[1]])
@@ -175,7 +179,10 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         BuiltPatch(face, patch, _list_patch_edges(patch, face, owners, deviations, parts))
         for patch, face in zip(plan.patches, patch_faces, strict=True)
     ]
-    solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
+    rebuilt = {number: faces[0] for number, faces in pieces.items()}
+    split = {number: tuple(faces) for number, faces in pieces.items() if len(faces) > 1}
+    more = [face for faces in split.values() for face in faces[1:]]
+    solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, [*more, *new_faces])
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
     gone = (*plan.consumed_faces, *plan.swallowed_faces)
@@ -189,6 +196,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         gone,
         removed_faces=plan.removed_faces,
         rebuilt_faces=rebuilt,
+        split_faces=split,
         edge_pieces={number: parts.list_pieces(number, planned) for number, planned in changes.items()},
     )
 
@@ -205,18 +213,30 @@ def _find_partner(
     return next(partners, None)
 
 
+def _find_piece(pieces: Sequence[TopoDS_Face], edges: Sequence[TopoDS_Edge]) -> TopoDS_Face:
+    """Return which of the pieces of a face has one of some edges; the first if none has."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return next((one for one in pieces if any(edge in ShapeIndex(one, TopAbs_EDGE) for edge in edges)), pieces[0])
+
+
 def _list_edge_owners(
     plan: SolidPlan,
-    rebuilt: Mapping[int, TopoDS_Face],
+    pieces: Mapping[int, Sequence[TopoDS_Face]],
     blend_faces: Sequence[TopoDS_Face],
     caps: Sequence[Sequence[TopoDS_Face]],
+    parts: _PartBuilder,
 ) -> dict[PlannedEdge, list[TopoDS_Face]]:
     """Return the faces that use each planned edge, one for each use."""
     owners: dict[PlannedEdge, list[TopoDS_Face]] = {}
     boundaries = [(strip.boundary, face) for strip, face in zip(plan.strips, blend_faces, strict=True)]
     for strip, faces in zip(plan.strips, caps, strict=True):
         boundaries += [(cap.boundary, face) for cap, face in zip(strip.caps, faces, strict=True)]
-    boundaries += [(face_plan.added, rebuilt[face_plan.number]) for face_plan in plan.faces]
+    boundaries += [
+        ((use,), _find_piece(pieces[face_plan.number], [parts.build_edge(use.edge)]))
+        for face_plan in plan.faces
+        for use in face_plan.added
+    ]
     for boundary, face in boundaries:
         for use in boundary:
             owners.setdefault(use.edge, []).append(face)
@@ -361,8 +381,10 @@ class _PartBuilder:
         return edge
 
 
-def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> TopoDS_Face:
+def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> list[TopoDS_Face]:
     """Return a face with its new boundary, oriented as before; wires of which no edge is changed are shared with it.
+
+    Several faces, if it is cut in pieces.
 
     Raises
     ------
@@ -372,27 +394,32 @@ def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> TopoDS_Face:
     edges, before = parts.index.edges, parts.index.faces[plan.number]
     if plan.surface is not None:
         face = parts.bound_face(plan.surface, plan.added)
-    else:
-        old = TopoDS.Face_s(orient_forward(before))
-        face = TopoDS.Face_s(old.EmptyCopied())
-        loose = list(map(parts.orient_edge, plan.added))
-        for wire in explore_subshapes(old, TopAbs_WIRE):
-            uses = list(explore_subshapes(wire, TopAbs_EDGE))
-            numbers = [edges.find_number(use) for use in uses]
-            if plan.pieces.keys().isdisjoint(numbers):
-                BUILDER.Add(face, wire)
+        return [TopoDS.Face_s(face.Oriented(before.Orientation()))]
+    old, kept = TopoDS.Face_s(orient_forward(before)), list[TopoDS_Shape]()
+    loose = list(map(parts.orient_edge, plan.added))
+    for wire in explore_subshapes(old, TopAbs_WIRE):
+        uses = list(explore_subshapes(wire, TopAbs_EDGE))
+        numbers = [edges.find_number(use) for use in uses]
+        if plan.pieces.keys().isdisjoint(numbers):
+            kept.append(wire)
+            continue
+        for use, number in zip(uses, numbers, strict=True):
+            if number not in plan.pieces:
+                loose.append(use)
                 continue
-            for use, number in zip(uses, numbers, strict=True):
-                if number not in plan.pieces:
-                    loose.append(use)
-                    continue
-                for piece in plan.pieces[number]:
-                    edge = edges[number] if isinstance(piece, KeptEdge) else parts.build_edge(piece)
-                    loose.append(TopoDS.Edge_s(edge.Oriented(use.Orientation())))
-        for loop in trace_loops(loose, old):
-            BUILDER.Add(face, make_closed_wire(loop))
-    face.Orientation(before.Orientation())
-    return face
+            for piece in plan.pieces[number]:
+                edge = edges[number] if isinstance(piece, KeptEdge) else parts.build_edge(piece)
+                loose.append(TopoDS.Edge_s(edge.Oriented(use.Orientation())))
+    loops = trace_loops(loose, old)
+    groups = group_loops(old, loops, kept) if len(loops) > 1 else [[*map(make_closed_wire, loops), *kept]]
+    faces = []
+    for wires in groups:
+        face = TopoDS.Face_s(old.EmptyCopied())
+        for wire in wires:
+            BUILDER.Add(face, wire)
+        face.Orientation(before.Orientation())
+        faces.append(face)
+    return faces
 
 
 def trace_loops(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]]:

@@ -23,11 +23,16 @@ class RailsTooShortError(GeometryError):
 
 
 class StripsTooShortError(GeometryError):
-    """Strips that end in a corner do not meet there, but would if they reached to given s, in the order of its ends."""
+    """Strips that end in a corner do not meet there, but would if they reached to given s, in the order of its ends.
 
-    def __init__(self, needed: Sequence[float]) -> None:
+    Those that are to stay as they are have None. With ``exactly``, the others must end there: in the compact form, only
+    the ends of strips are exact.
+    """
+
+    def __init__(self, needed: Sequence[float | None], *, exactly: bool = False) -> None:
         super().__init__("the blends end before they meet")
         self.needed = tuple(needed)
+        self.exactly = exactly
 
 
 @dataclass(frozen=True)

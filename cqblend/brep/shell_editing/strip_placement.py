@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.arc_strip import ArcStrip
@@ -23,7 +24,7 @@ from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
-from cqblend.brep.topology import locate_vertex
+from cqblend.brep.topology import CONFUSION, locate_vertex
 from cqblend.splines import Curve
 from cqblend.surfaces.circle import PlanarCircle
 from cqblend.surfaces.quadrics import Sphere
@@ -117,6 +118,14 @@ class StripPlacement(PlacedStrip):
     def keep_vertex(self, vertex: TopoDS_Vertex) -> PlannedVertex:
         """Return a vertex of the solid as one that stays."""
         return PlannedVertex(locate_vertex(vertex), self.index.vertices.find_number(vertex))
+
+    def keep_vertex_at(self, planned: PlannedVertex, near: Sequence[TopoDS_Vertex]) -> PlannedVertex:
+        """Return that of some vertices of the solid at which a new one would be, to its tolerance; else the new one."""
+        for vertex in near:
+            distance = float(np.linalg.norm(locate_vertex(vertex) - planned.point))
+            if distance <= max(BRep_Tool.Tolerance_s(vertex), CONFUSION):
+                return self.keep_vertex(vertex)
+        return planned
 
 
 def place_strip(

@@ -14,7 +14,7 @@ cells between two nodes, of which consecutive ones share an edge. All chains are
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -121,11 +121,15 @@ class FaultyChainError(CqblendError):
 
 
 class ShortChainsError(CqblendError):
-    """Chains of a network, by their indices, must be made over longer ranges: see :class:`RailsTooShortError`."""
+    """Chains of a network, by their indices, must be made over longer ranges: see :class:`RailsTooShortError`.
 
-    def __init__(self, needed: Mapping[int, tuple[float, float]]) -> None:
+    Those that are ``exact`` must be made over just these ranges, which may be shorter.
+    """
+
+    def __init__(self, needed: Mapping[int, tuple[float, float]], exact: Collection[int] = ()) -> None:
         super().__init__(f"{len(needed)} chains are too short for what they end on")
         self.needed_domains = needed
+        self.exact = frozenset(exact)
 
 
 def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] = ()) -> list[PlannedChain]:
@@ -177,15 +181,20 @@ def _plan_corners(
     patches: dict[int, list[PatchPlan]] = {}
     methods: dict[ChainEnd, CornerMethod] = {}
     short: dict[int, tuple[float, float]] = {}
+    exact: set[int] = set()
     for corner in corners:
         try:
             plan = plan_corner(corner, [chains[one.chain].get_end(one.end) for one in corner.ends])
         except StripsTooShortError as error:
             for one, s in zip(corner.ends, error.needed, strict=True):
-                placed = chains[one.chain]
-                low, high = short.get(one.chain, placed.domain)
-                t = placed.to_rail_parameter(one.end, s)
-                short[one.chain] = (low, max(high, t)) if one.end else (min(low, t), high)
+                if s is not None:
+                    placed = chains[one.chain]
+                    low, high = short.get(one.chain, placed.domain)
+                    t = placed.to_rail_parameter(one.end, s)
+                    if error.exactly:
+                        low, high = (low, t) if one.end else (t, high)
+                        exact.add(one.chain)
+                    short[one.chain] = (low, max(high, t)) if one.end else (min(low, t), high)
             continue
         except CqblendError as error:
             first = corner.ends[0]
@@ -194,7 +203,7 @@ def _plan_corners(
         patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
         methods |= dict.fromkeys(corner.ends, plan.method)
     if short:
-        raise ShortChainsError(short)
+        raise ShortChainsError(short, exact)
     return ends, patches, methods
 
 

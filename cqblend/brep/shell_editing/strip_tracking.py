@@ -76,6 +76,8 @@ def _track_face(face: TopoDS_Face, index: SolidIndex, proposal: ProposedSolid) -
     number = index.faces.find_number(face)
     if number in proposal.removed_faces:
         raise _make_covered_error()
+    if number in proposal.split_faces:
+        raise SizeError("another blend that meets it at a corner cuts it in pieces", kind="too large")
     return proposal.rebuilt_faces.get(number, face)
 
 

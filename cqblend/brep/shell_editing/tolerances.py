@@ -125,6 +125,14 @@ class ShellEditTolerances:
     clearance_samples: int = 65
     """Points of an edge or a rail by which their distances are measured for messages."""
 
+    least_setback: float = 1e-3
+    """Relative to the width of a blend of the compact form: distance of its end from the vertex of a corner from which
+    on it has been made to end there."""
+
+    compact_sides: float = 1e-6
+    """Relative: by how much tangent planes and twists of sides of a corner may differ, and these be apart, where a
+    blend of the compact form ends inside of its range."""
+
     resting_ball: float = 1e-12
     """Relative to the radius, or to the largest coordinate: by how much places in which a ball would have to be, to
     touch all faces of a corner, may differ."""

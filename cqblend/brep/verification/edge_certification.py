@@ -56,12 +56,13 @@ def certify_edge(edge: BuiltEdge, place: BlendPlace, blend_surface: SurfaceEvalu
     """
     tolerance = BRep_Tool.Tolerance_s(edge.sides[0][1])
     vertex = 0 if edge.end is None else place.find_vertex_number(edge.end)
-    angle = None
+    angle, curvature_jump = None, None
     if edge.kind == "seam" and BRep_Tool.Surface_s(edge.sides[0][0]).IsUPeriodic():
-        angle = 0.0  # a periodic surface does not end there
+        angle, curvature_jump = 0.0, 0.0  # a periodic surface does not end there
     elif edge.kind in ("seam", "between"):
         first, second = edge.sides
         samples = VERIFICATION_TOLERANCES.new_edge_samples
         surfaces = (blend_surface, blend_surface if edge.kind == "seam" else None)
-        angle = measure_continuity_between((first, second), samples, surfaces=surfaces).angle
-    return EdgeRecord(edge.kind, place.edge_number, vertex, edge.deviation, angle, tolerance)
+        measured = measure_continuity_between((first, second), samples, surfaces=surfaces)
+        angle, curvature_jump = measured.angle, measured.curvature_jump
+    return EdgeRecord(edge.kind, place.edge_number, vertex, edge.deviation, angle, tolerance, curvature_jump)

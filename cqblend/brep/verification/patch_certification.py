@@ -38,15 +38,10 @@ def certify_patch(joint: Joint, patch: BuiltPatch) -> CertifiedPatch:
     ends = [joint.index.vertices.find_number(vertex) for vertex in joint.spine.vertices]
     vertex = joint.find_vertex_number(ends.index(patch.plan.vertex))
     samples = VERIFICATION_TOLERANCES.new_edge_samples
-    records = [
-        EdgeRecord(
-            edge.kind,
-            joint.edge_number,
-            vertex,
-            edge.deviation,
-            measure_continuity_between((edge.sides[0], edge.sides[1]), samples).angle,
-            BRep_Tool.Tolerance_s(edge.sides[0][1]),
-        )
-        for edge in patch.edges
-    ]
+    records = []
+    for edge in patch.edges:
+        measured = measure_continuity_between((edge.sides[0], edge.sides[1]), samples)
+        tolerance = BRep_Tool.Tolerance_s(edge.sides[0][1])
+        figures = (edge.deviation, measured.angle, tolerance, measured.curvature_jump)
+        records.append(EdgeRecord(edge.kind, joint.edge_number, vertex, *figures))
     return CertifiedPatch(patch.face, tuple(records), find_inner_crease(patch.face).angle)

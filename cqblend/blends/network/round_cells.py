@@ -1,15 +1,15 @@
-r"""Cells of a chain whose ball turns in place, so that one rail is a pole, and what their neighbours do for them.
+r"""Cells of a chain that go around a round face, where one rail is much shorter than the other, or a pole.
 
-Where such a cell meets its neighbour, the derivative of the neighbour's section along the cell, H_t(v), does not vanish
-at the pole, and that of its own, H_s(v), does. They span the same tangent planes with the section if H_s = k v H_t, v
-being 0 at the pole. Both are cubic in v, so that H_t has to be quadratic: of the rates C', T' of its ribbons at both
-rails, C'_1 and C'_2, T'_1 and T'_2 into the blend,
+Where such a cell meets its neighbour, their rails run at different ratios of speed. The derivatives H_t(v) of the
+neighbour's section along its cell and H_s(v) of the cell's own span the same tangent planes with the section if H_s =
+(k_1 (1 - v) + k_2 v) H_t. Both are cubic in v, so that H_t has to be quadratic: of the rates C', T' of the neighbour's
+ribbons at both rails, C'_1 and C'_2, T'_1 and T'_2 into the blend,
 
 .. math:: T'_1 - T'_2 = 2 (C'_2 - C'_1) .
 
-The neighbour has that by changing T'_1 and T'_2 within the tangent planes, where they are free. With the pole at rail
-1, the cell has the rates 0 and k C'_2, k C'_1 and k (T'_2 - C'_2). Where all rates have one direction, as between
-planes and around an axis, none of that is needed.
+It has that by changing T'_1 and T'_2 within the tangent planes, where they are free. The cell itself has the rates
+k_1 C'_1 and k_2 C'_2, k_1 T'_1 + (k_2 - k_1) C'_1 and k_2 T'_2 + (k_1 - k_2) C'_2; the factor at a pole is 0. Where all
+rates have one direction, as between planes and around an axis, none of that is needed.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def move_rail_end(jets: Sequence[EndJets], side: int, point: Array) -> tuple[End
     return moved[0], moved[1]
 
 
-def can_join_pole(section: SectionEnd, roughness: float) -> bool:
-    """Whether a section can be that at the end of a cell with a pole."""
+def can_join_round_cell(section: SectionEnd, roughness: float) -> bool:
+    """Whether a section can be that at the end of a cell around a round face."""
     if section.find_common_direction(roughness) is not None:
         return True
     if max(section.orders) > 1:
@@ -71,7 +71,7 @@ def can_join_pole(section: SectionEnd, roughness: float) -> bool:
     return bool(np.abs(missing).max() <= NETWORK_TOLERANCES.parallel_rates * np.abs(rates).max())
 
 
-def bend_for_pole(cell: ChainCell, end: int, jets: tuple[EndJets, EndJets]) -> WantedEnd:
+def bend_for_round_cell(cell: ChainCell, end: int, jets: tuple[EndJets, EndJets]) -> WantedEnd:
     """Return the end of a cell with wanted jets, but that its derivative along the cell is quadratic across.
 
     Raises
@@ -82,7 +82,7 @@ def bend_for_pole(cell: ChainCell, end: int, jets: tuple[EndJets, EndJets]) -> W
     wanted = cell.lift_end(end, jets)
     if max(wanted.section.orders) > 1:
         raise UnsupportedError(
-            "the ball turns about one point there, between faces along which curvature does not go on: take G1"
+            "the ball turns about a point, or nearly so, between faces along which curvature does not go on: take G1"
         )
     for _ in range(NETWORK_TOLERANCES.pole_rounds):
         changes = np.zeros((2, 3))
@@ -111,18 +111,20 @@ def _span_tangent_plane(normal: Array) -> Array:
     return np.stack([x, normalise_vectors(cross_product(normal, x))])
 
 
-def take_section_at_pole(cell: ChainCell, end: int, given: SectionEnd, natural: Sequence[EndJets]) -> WantedEnd:
-    """Return what a cell with a pole is to have at one end so that it shares a given section.
+def take_round_section(cell: ChainCell, end: int, given: SectionEnd, natural: Sequence[EndJets]) -> WantedEnd:
+    """Return what a cell around a round face is to have at one end so that it shares a given section.
 
-    ``natural`` are its own jets there.
+    ``natural`` are its own jets there, of which the speeds of the rails count.
     """
-    if cell.rails.pole is None:
-        raise TypeError("the cell has no pole")
-    side = cell.rails.pole.side
-    at_pole, beyond = given.jets[side], given.jets[1 - side]
-    pace = float(np.linalg.norm(natural[1 - side].rates[0]) / np.linalg.norm(beyond.rates[0]))
-    jets = [
-        EndJets(at_pole.values, pace * np.stack([np.zeros(3), at_pole.rates[0]])),
-        EndJets(beyond.values, pace * np.stack([beyond.rates[0], beyond.rates[1] - beyond.rates[0]])),
+    pole = cell.rails.pole
+    paces = [
+        0.0
+        if pole is not None and pole.side == side
+        else float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
+        for side, (own, one) in enumerate(zip(natural, given.jets, strict=True))
     ]
-    return cell.lift_end(end, (jets[side], jets[1 - side]))
+    first, second = (
+        EndJets(one.values, np.stack([pace * one.rates[0], pace * one.rates[1] + (other - pace) * one.rates[0]]))
+        for one, pace, other in zip(given.jets, paces, reversed(paces), strict=True)
+    )
+    return cell.lift_end(end, (first, second))
