@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     )
     from cqblend.api.surface_blend import Blend, curve_on, hermite_blend, projected
     from cqblend.blends.pde.boundary_data import Boundary
+    from cqblend.blends.potential.implicit_surface import ImplicitSurface
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
     from cqblend.blends.rails.rail import Rail
@@ -62,6 +63,7 @@ __all__ = [
     "EndRecord",
     "Family",
     "Guide",
+    "ImplicitSurface",
     "Normalised",
     "Pattern",
     "PdeBlend",
@@ -111,6 +113,7 @@ _HOME = {
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
     "Guide": "api.cross_derivatives",
+    "ImplicitSurface": "blends.potential.implicit_surface",
     "Normalised": "splines.field_normalisation",
     "Pattern": "api.flat_pattern",
     "PdeBlend": "api.pde_surface",

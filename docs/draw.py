@@ -311,6 +311,21 @@ def fairing() -> None:
     tiled(views, 3, "potential_fairing", 330)
 
 
+def hybrid() -> None:
+    """Draw the fairing of a parametric wing on an implicit fuselage: from below, and its nose."""
+    sys.path.insert(0, str(EXAMPLES))
+    made = runpy.run_path(str(EXAMPLES / "potential_hybrid.py"))
+    blend, body = made["blend"], made["fuselage_face"]()
+    wing = blend.rails[0].surface
+    v = blend.rails[0].curve(np.linspace(*blend.rails[0].curve.domain, 501))[:, 1].max()
+    shown = [body, cq.Face(cqblend.to_face(wing.clip(v=(float(v), wing.domain[1][1]))))]
+    drawn = [ShadedFaces(shown, demo.PORCELAIN), ShadedFaces([cq.Face(blend.face())], demo.COPPER)]
+    views = []
+    for eye, focus, tall in (((-0.9, 0.9, -0.75), (0, 1.6, 0), 6.5), ((-1, 0.7, 0.3), (-1.2, 1.4, 0), 2.6)):
+        views.append(([*drawn, *lines(blend, eye, tall)], eye, focus, tall))
+    tiled(views, 2, "potential_hybrid", 330)
+
+
 def potential_sections() -> None:
     """Draw sections of potential blends as lambda falls, and, thin, the Hermite sections with the same ends."""
     made = runpy.run_path(str(EXAMPLES / "potential_sections.py"))
@@ -350,4 +365,5 @@ if __name__ == "__main__":
     panels("potential_patches", "by_relation", tower, columns=3, height=300, zebra=False)
     panels("potential_controls", "by_control", tower, columns=3, height=300, zebra=False)
     fairing()
+    hybrid()
     potential_sections()

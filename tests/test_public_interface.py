@@ -200,6 +200,10 @@ def skipping() -> cqblend.BlendResult:
     return cqblend.blend_edges(can, [edge for edge in can.Edges() if edge.Center().z > 0.5], 0.2)
 
 
+def plane_function() -> dict[str, Any]:
+    return {"function": lambda x, y, z: y - 0.5, "gradient": lambda x, y, z: np.stack([0 * x, 1 + 0 * y, 0 * z])}
+
+
 SELVES: dict[str, Callable[[], Any]] = {
     "BezierRelation": lambda: cqblend.BezierRelation([(1, 0), (0, 0), (0, 1)]),
     "Blend": hermite,
@@ -212,6 +216,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Curve": line,
     "Family": lambda: families()[0],
     "Guide": lambda: Guide(line()),
+    "ImplicitSurface": lambda: cqblend.ImplicitSurface(**plane_function()),
     "Normalised": lambda: cqblend.normalise(ahead(), 1e-3),
     "Pattern": pattern,
     "PdeBlend": pde,
@@ -314,6 +319,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "Certificate.merge": lambda: {"certificates": [blended().certificate]},
     "Combination": lambda: {"first": plane_curve(), "second": None},
     "Combination.operands": lambda: {"side": 0},
+    "ImplicitSurface": lambda: plane_function(),
     "Conic": lambda: {"a": 1.0, "b": 2.0, "lam": 0.0},
     "Curve": lambda: {"breaks": [0, 1], "coefs": np.ones((2, 3, 1)), "rational": False, "continuity": None},
     "Curve.__call__": lambda: {"t": 0.5, "k": 0, "side": "right"},
@@ -522,6 +528,7 @@ VARIANTS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "by normal": ("reshape", lambda: {"by": "normal", "reference": "centroid", "amounts": [[1, 2], [3, np.sin]]}),
     "by extents": ("reshape", lambda: {"surface": bowl(), "reference": "extents", "tuning": (1, 2, -3)}),
     "of functions": ("potential_blend", lambda: {"relation": (lambda x: 2 * (1 - x) ** 2, lambda x: 2 * x**2)}),
+    "implicit": ("potential_blend", lambda: {"surface2": cqblend.ImplicitSurface(**plane_function())}),
     "hermite": ("normalise", lambda: {"method": "hermite", "length": scalar() + 1.0}),
     "knots": ("normalise", lambda: {"knots": 3, "tolerance": math.inf}),
     "a surface": ("unroll", lambda: {"shape": bowl(), "tolerance": 0.5}),

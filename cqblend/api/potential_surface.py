@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.api.reshaping_arguments import DEFAULT_TUNING, check_tuning, group_amounts, resolve_reference
 from cqblend.api.surface_blend import Blend
 from cqblend.api.tolerances import BLEND_TOLERANCES
 from cqblend.argument_checks import (
     check_angle,
     check_choice,
-    check_number,
     check_positive,
     is_default,
     refuse_ignored_options,
@@ -28,6 +29,10 @@ from cqblend.argument_checks import (
 )
 from cqblend.blend_options import BLEND_DEFAULTS, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
+from cqblend.blends.potential.implicit_branches import trace_contours
+from cqblend.blends.potential.implicit_pair import ImplicitPair
+from cqblend.blends.potential.implicit_surface import ImplicitSurface, evaluate_implicit
+from cqblend.blends.potential.implicit_sweep import ImplicitSweep, sweep_contour
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
 from cqblend.blends.potential.offset_family import OffsetFamily
 from cqblend.blends.potential.reference_family import ReferenceFamily
@@ -39,9 +44,11 @@ from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
+from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import SplineSurface, TensorSurface
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """Offset at s: a factor on s, a function of arrays of s, one of these for each control point, or None for s itself."""
@@ -50,9 +57,6 @@ Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
 HALF_WAY = 0.5
 """Parameter x of the relation at which the branches of the intersection are traced."""
-
-DEFAULT_TUNING = (1.0, 1.0, 1.0)
-"""Factors of the paper's rule for a reference point, for x, y and z."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class PotentialBlend(Blend):
     form : {"exact", "compact"}
     rails : tuple of Rail
         On surface 1 where it meets S2(b), on surface 2 where it meets S1(a).
-    families : tuple of Family
+    families : tuple of Family or ImplicitSurface
     relation : Relation
     sweep : Sweep
         The exact intersection curves: ``blend.swept(t, v)``, at the amounts ``blend.amounts(v)``.
@@ -75,10 +79,29 @@ class PotentialBlend(Blend):
         Largest measured distance between H and these curves, mm.
     """
 
-    families: tuple[Family, Family] = field(repr=False)
+    families: tuple[Family, Family | ImplicitSurface] = field(repr=False)
     relation: Relation
     sweep: Sweep = field(repr=False)
     skin: float
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How exactly the blend meets its surfaces, measured by OCCT, and proven from the splines' coefficients.
+
+        On an implicit surface, gap and angle are those of the rail from f and its gradient; nothing is proven there,
+        and there is no jump of curvature.
+        """
+        from cqblend.brep.verification.blend_certification import certify_surfaces
+        from cqblend.brep.verification.implicit_contact import measure_implicit_contact
+
+        certificate, implicit = certify_surfaces(self, self.traces), self.families[1]
+        if not isinstance(implicit, ImplicitSurface):
+            return certificate
+        gap, angle = measure_implicit_contact(self.surface, 1.0, partial(evaluate_implicit, implicit))
+        first, second = certificate.rails
+        return replace(
+            certificate, rails=(first, replace(second, gap=gap, angle=angle, curvature_jump=np.nan)), proofs=()
+        )
 
     def amounts(self, v: ArrayLike) -> Array:
         """Return (s1, s2), (..., 2), by which the surfaces are reshaped at v: (0, b) at 0, (a, 0) at 1.
@@ -200,72 +223,15 @@ def reshape(
     else:
         refuse_ignored_options('on by="normal": normals need none', reference=(reference, "centroid"))
     if tuning is not DEFAULT_TUNING:
-        tuning = _check_tuning(tuning, has_effect=by == "reference" and is_default(reference, "extents"))
+        tuning = check_tuning(tuning, has_effect=by == "reference" and is_default(reference, "extents"))
     tolerance = check_positive("tolerance", tolerance)
     poles = surface.to_bspline()[2]
-    functions, groups = _group_amounts(amounts, poles.shape[:2])
+    functions, groups = group_amounts(amounts, poles.shape[:2])
     if by == "normal":
         return OffsetFamily.from_surface(surface, functions, groups, tolerance, outward)
     return ReferenceFamily.from_surface(
-        surface, functions, groups, _resolve_reference(reference, tuning, poles), tolerance
+        surface, functions, groups, resolve_reference(reference, tuning, poles), tolerance
     )
-
-
-def _group_amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array], Any], ...], Array]:
-    """Return the distinct amounts as functions, and for each control point the index of its function."""
-    if given is None or callable(given) or not isinstance(given, list | tuple | np.ndarray):
-        return (_to_amount_function(given),), np.zeros(shape, dtype=int)
-    rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in given]
-    if tuple(map(len, rows)) != (shape[1],) * shape[0]:
-        raise InputError(
-            f"amounts are one, or one for each of the {shape[0]} x {shape[1]} control points, in {shape[0]} rows, not "
-            f"rows of {', '.join(map(str, map(len, rows)))}"
-        )
-    found: dict[Any, int] = {}
-    functions: list[Callable[[Array], Any]] = []
-    groups = np.empty(shape, dtype=int)
-    for i, row in enumerate(rows):
-        for j, one in enumerate(row):
-            function = _to_amount_function(one)
-            key = one if one is None or callable(one) else float(one)
-            if key not in found:
-                found[key] = len(functions)
-                functions.append(function)
-            groups[i, j] = found[key]
-    return tuple(functions), groups
-
-
-def _to_amount_function(given: Any) -> Callable[[Array], Any]:
-    if given is None:
-        return np.positive
-    if callable(given):
-        return given
-    factor = check_number("amounts", given)
-    return lambda s: factor * s
-
-
-def _check_tuning(given: object, *, has_effect: bool) -> tuple[float, ...]:
-    """Return the three factors of the paper's rule; factors other than 1 are refused where they have no effect."""
-    if not isinstance(given, list | tuple | np.ndarray) or getattr(given, "ndim", 1) == 0 or len(given) != 3:
-        raise InputError(f"tuning is three numbers, not {shown(given)}")
-    factors = tuple(check_number("tuning", one) for one in given)
-    if not has_effect and factors != DEFAULT_TUNING:
-        raise InputError('tuning has no effect but on reference="extents": leave tuning out')
-    return factors
-
-
-def _resolve_reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
-    if callable(given):
-        return given
-    if isinstance(given, str):
-        rule = check_choice("reference", given, ("centroid", "extents"))
-        if rule == "extents":
-            return np.asarray(np.array(tuning) * np.ptp(poles, axis=(0, 1)) / 2)
-        return np.asarray(poles.mean(axis=(0, 1)))
-    point = to_point(given)
-    if point is None:
-        raise InputError(f'a reference is "centroid", "extents", a point or a function of s, not {shown(given)}')
-    return point
 
 
 def potential_blend(
@@ -293,7 +259,8 @@ def potential_blend(
     Parameters
     ----------
     surface1, surface2 : Family, Surface or a face
-        What `cqblend.reshape` made; surfaces and faces are reshaped from their centroids.
+        What `cqblend.reshape` made; surfaces and faces are reshaped from their centroids. Surface 2 may be a
+        `cqblend.ImplicitSurface`, whose level sets f = s2 stand for reshaped ones.
     relation
         `cqblend.Conic`, `cqblend.BezierRelation`, or a function x -> (s1, s2), or two, of arrays.
     near : a point, optional
@@ -355,9 +322,13 @@ def potential_blend(
     )
     skin = None if skin is None else check_positive("skin", skin)
     allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
-    families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
-    meeting = FamilyPair.from_relation((families[0], families[1]), pair)
-    swept = sweep_branch(meeting, _choose_branch(meeting, near), HALF_WAY)
+    if isinstance(surface1, ImplicitSurface):
+        raise InputError(
+            "the implicit surface is to be surface 2: give the other one first, and change a with b in the relation"
+        )
+    first_family = surface1 if isinstance(surface1, Family) else reshape(surface1)
+    second_family = surface2 if isinstance(surface2, Family | ImplicitSurface) else reshape(surface2)
+    swept = _sweep_chosen_branch(first_family, second_family, pair, near)
     blend, section = _blend_within_skin(swept, form, tolerance, angular_tolerance, skin)
     check_creases(blend, allowed, steers=False)
     missed = section.measure_deviation(blend.surface)
@@ -367,18 +338,36 @@ def potential_blend(
             "a larger skin"
         )
     first, second = map(_mark_faded, blend.ribbons)
-    rails = (_make_rail(first, families[0]), _make_rail(second, families[1]))
+    if isinstance(swept, ImplicitSweep):
+        strip = swept.strip
+        rails = _make_rail(first, first_family.primary), _make_rail(second, TensorSurface.from_spline(strip))
+    else:
+        rails = _make_rail(first, first_family.primary), _make_rail(second, swept.curves.pair.families[1].primary)
     return PotentialBlend(
         blend.surface,
         (first, second),
         blend.form,
         rails,
-        (families[0], families[1]),
+        (first_family, second_family),
         pair,
         swept,
         missed,
         kind=blend.kind,
     )
+
+
+def _sweep_chosen_branch(
+    first: Family, second: Family | ImplicitSurface, relation: Relation, near: ArrayLike | None
+) -> Sweep:
+    """Return the surface that the curves sweep which both surfaces have in common, or the one of them near a point."""
+    target = to_point(near)
+    if near is not None and target is None:
+        raise InputError(f"near is a point of three numbers, not {shown(near)}")
+    if isinstance(second, ImplicitSurface):
+        meeting = ImplicitPair.from_family(first, second, relation)
+        return sweep_contour(meeting, _choose_branch(meeting, trace_contours(meeting, HALF_WAY), target), HALF_WAY)
+    pair = FamilyPair.from_relation((first, second), relation)
+    return sweep_branch(pair, _choose_branch(pair, trace_branches(pair, HALF_WAY), target), HALF_WAY)
 
 
 def _blend_within_skin(
@@ -404,13 +393,14 @@ def _blend_within_skin(
     )
 
 
-def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
+def _choose_branch(meeting: FamilyPair, found: list[IntersectionBranch], target: Array | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
-    target = to_point(near)
-    if near is not None and target is None:
-        raise InputError(f"near is a point of three numbers, not {shown(near)}")
-    found = trace_branches(meeting, HALF_WAY)
     s1, s2 = meeting.s(HALF_WAY)
+    if not found and isinstance(meeting, ImplicitPair):
+        raise GeometryError(
+            f"the surface does not meet f = {s2:.4g} where it is reshaped by s = {s1:.4g}, half-way: choose other a "
+            "and b, another reference, or move them"
+        )
     if not found:
         distance, place = find_nearest_approach(meeting, HALF_WAY)
         raise GeometryError(
@@ -436,14 +426,14 @@ def _mark_faded(ribbon: Ribbon) -> Ribbon:
     return replace(ribbon, order=0) if is_faded(ribbon, np.linspace(*ribbon.c.domain, 1025)).any() else ribbon
 
 
-def _make_rail(ribbon: Ribbon, family: Family) -> Rail:
+def _make_rail(ribbon: Ribbon, primary: SplineSurface) -> Rail:
     """Return the rail of a ribbon; a periodic surface is repeated as often as the rail runs around it."""
-    surface = family.surface
+    surface = primary.surface
     c = ribbon.c
     weight = c[0] + c[1]
     plane = Curve.stack([c[1], c[3], weight])
     curve = Curve(plane.breaks, plane.coefs, rational=True, continuity=plane.continuity).reduce()
-    for axis, period in enumerate(family.primary.periods):
+    for axis, period in enumerate(primary.periods):
         if period is None:
             continue
         low, high = (float(bound[axis]) for bound in curve.bounds())

@@ -120,6 +120,7 @@ def test_rails_that_use_up_an_edge_are_told():
     assert "rails take" in next(find_tight_places(Body(wedge.wrapped), wedge.Edges(), 1.9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
 def test_a_number_draws_the_same_body_again(family):
     one, other = (draw_corners(family, 1) for _ in range(2))

@@ -87,12 +87,19 @@ def build_end_section(surface: Surface, stops: Array, directions: Array) -> Curv
         The parameters t (2,) at v = 0 and v = 1.
     directions
         The directions (2, 3) of the other rails there, of any sense, in the tangent planes of the strip.
+
+    Raises
+    ------
+    GeometryError
+        If another rail runs in the direction of this strip's own.
     """
     v = np.array([0.0, 1.0])
     along, across = surface(stops, v, 1, 0), surface(stops, v, 0, 1)
     slopes = []
     for rate, width, direction in zip(along, across, directions, strict=True):
         factors, *_ = np.linalg.lstsq(np.stack([rate, width], axis=1), direction, rcond=None)
+        if not abs(factors[1]) > CORNER_TOLERANCES.square_section * abs(factors[0]):
+            raise GeometryError("the rails of two blends run in one direction where they meet")
         slopes.append(factors[0] / factors[1])
     low, high = stops
     t = np.array([low, low + slopes[0] / 3, high - slopes[1] / 3, high])

@@ -87,7 +87,7 @@ class ArcStrip:
         return self.section.map_from_spline(tv[:, 0], tv[:, 1])
 
     def map_curve_from_blend(self, curve: Curve) -> Curve:
-        return fit_mapped_curve(self.map_from_blend, curve, self.section.length)
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.breaks, self.section.length)
 
     def map_to_surface(self, curve: Curve) -> Curve:
         section = self.section

@@ -17,8 +17,9 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.arc_section import BallSurface
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
-from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.approximation import Kinks, approximate_curve
 from cqblend.splines.bernstein import Array
+from cqblend.splines.roots import find_sign_changes
 from cqblend.surfaces.circle import Circle, PlanarCircle
 from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
 from cqblend.surfaces.line import Line
@@ -250,7 +251,7 @@ class RevolvedStrip:
         return np.stack([self.section.map_to_angles(tv[:, 0]), tv[:, 1]], axis=1)
 
     def map_curve_from_blend(self, curve: Curve) -> Curve:
-        return fit_mapped_curve(self.map_from_blend, curve, self.section.turn)
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.breaks, self.section.turn)
 
     def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the section in a plane that the axis lies in."""
@@ -267,12 +268,24 @@ class RevolvedStrip:
         return _collect_section(profile.breaks, np.full(x.shape, angle), points, plane)
 
 
-def fit_mapped_curve(mapping: Callable[[Array], Array], curve: Curve, size: float) -> Curve:
-    """Return a curve in a parameter plane that is mapped to another one, where parameters are up to ``size``."""
+def fit_mapped_curve(mapping: Callable[[Array], Array], curve: Curve, arcs: Array, size: float) -> Curve:
+    """Return a curve of parameters (t, v) that is mapped to another plane, where parameters are up to ``size``.
+
+    The map is smooth but for the t at which one of a chain of ``arcs`` (n + 1,) ends and the next one starts.
+    """
+    shifted = curve.coefs[:, 0, None] - arcs[1:-1, None]  # (p + 1, inner ends, pieces)
+    degree, _, pieces = shifted.shape
+    column, root = find_sign_changes(shifted.reshape(degree, -1), np.zeros(shifted[0].size))
+    piece = column % pieces
+    kinks = curve.breaks[piece] + root * np.diff(curve.breaks)[piece]
     breaks = np.linspace(*curve.domain, NETWORK_TOLERANCES.cut_spans + 1)
-    breaks = np.unique(np.concatenate([breaks, curve.breaks]))
     tolerance = NETWORK_TOLERANCES.cut_fit + NETWORK_TOLERANCES.mapped_rounding * size
-    return approximate_curve(lambda x: mapping(curve(x)), breaks, tolerance)
+    return approximate_curve(
+        lambda x: mapping(curve(x)),
+        np.unique(np.concatenate([breaks, curve.breaks])),
+        tolerance,
+        kinks=Kinks(kinks, np.zeros(len(kinks), dtype=int)),
+    )
 
 
 def find_meridian_angle(frame: LocalFrame, plane: Plane, near: float, size: float, tolerance: float) -> float | None:

@@ -63,7 +63,7 @@ class TurnedStrip:
         return self.section.map_from_spline(tv[:, 0], tv[:, 1])
 
     def map_curve_from_blend(self, curve: Curve) -> Curve:
-        return fit_mapped_curve(self.map_from_blend, curve, self.section.length)
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.breaks, self.section.length)
 
     def __call__(self, s: Array, v: Array) -> Array:
         return np.asarray(self.jet(s, v, 0)[0, 0])

@@ -29,8 +29,8 @@ class ReshapedPair(Protocol):
     """
 
     @property
-    def primaries(self) -> tuple[Primary, Primary]:
-        """The two surfaces as they are before they are reshaped."""
+    def primaries(self) -> tuple[Primary, ...]:
+        """The surfaces as they are before they are reshaped."""
         ...
 
     @property
@@ -38,7 +38,7 @@ class ReshapedPair(Protocol):
         """Size of the surfaces, or of what happens on them (mm)."""
         ...
 
-    def evaluate_jets(self, q: Array, x: Array) -> tuple[Array, Array]:
+    def evaluate_jets(self, q: Array, x: Array) -> tuple[Array, ...]:
         """Return S, Su, Sv, Sx, (4, n, 3), of both surfaces at parameters (n, 4) and x (n,)."""
         ...
 
@@ -53,7 +53,7 @@ Pair = TypeVar("Pair", bound=ReshapedPair, covariant=True)
 class CutCondition(Protocol):
     """The equation that selects the point of station t: a residual (n,), mm, and its derivatives by q and by x."""
 
-    def __call__(self, t: Array, q: Array, jets: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Array, q: Array, jets: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Return residual (n,), gradient (n, 4), and derivative by x (n,)."""
         ...
 
@@ -64,12 +64,11 @@ class PlaneCut:
 
     planes_at: Callable[[Array], tuple[Array, Array]]
 
-    def __call__(self, t: Array, q: Array, jets: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Array, q: Array, jets: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Return the distance of the points on surface 1 from the planes."""
-        del q
         point, normal = self.planes_at(t)
         first = jets[0]
-        gradient = np.zeros((len(t), 4))
+        gradient = np.zeros_like(q)
         gradient[:, 0], gradient[:, 1] = (first[1] * normal).sum(axis=1), (first[2] * normal).sum(axis=1)
         return ((first[0] - point) * normal).sum(axis=1), gradient, (first[3] * normal).sum(axis=1)
 
@@ -90,10 +89,10 @@ class IsoparametricCut:
         """Return the parameter at t (n,)."""
         return self.first + t * (self.last - self.first)
 
-    def __call__(self, t: Array, q: Array, jets: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Array, q: Array, jets: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Return the difference of the parameter from its value, times ``length_per_unit``."""
         del jets
-        gradient = np.zeros((len(t), 4))
+        gradient = np.zeros_like(q)
         gradient[:, self.axis] = self.length_per_unit
         return (q[:, self.axis] - self.parameter_at(t)) * self.length_per_unit, gradient, np.zeros(len(t))
 
@@ -108,7 +107,7 @@ class LinearisedSystem(NamedTuple):
     matrix: Array
     residual: Array
     rate: Array
-    jets: tuple[Array, Array]
+    jets: tuple[Array, ...]
 
     def differentiate_solutions(self) -> Array | None:
         """Return the derivative (n, 4) of the parameters by x, None where a matrix is singular."""
@@ -195,14 +194,14 @@ class IntersectionCurves(Generic[Pair]):
         q0, converged = self.correct_solutions(start, t, at_start)
         if not converged.all():
             raise self.make_lost_error(start, at_start, int((~converged).argmax()))
-        table = np.empty((len(t), len(x_values), 4))
+        table = np.empty((len(t), len(x_values), start.shape[1]))
         indices = np.arange(len(x_values))
         for order in (indices[x_values >= x0], indices[x_values < x0][::-1]):
             q, x = q0, x0
             for j in order.tolist():
                 q, x = self.follow_solutions(q, t, x, float(x_values[j])), float(x_values[j])
                 table[:, j] = q
-        self.check_regularity(table.reshape(-1, 4), np.tile(x_values, len(t)))
+        self.check_regularity(table.reshape(-1, start.shape[1]), np.tile(x_values, len(t)))
         return table
 
     def follow_solutions(self, q: Array, t: Array, x: float, target: float) -> Array:
@@ -237,9 +236,22 @@ class IntersectionCurves(Generic[Pair]):
 
     def check_regularity(self, q: Array, x: Array) -> None:
         """Raise GeometryError where the surfaces touch, or a reshaped one is folded, at solutions (n, 4) at x (n,)."""
-        jets = self.pair.evaluate_jets(q, x)
-        normals = [cross_product(jet[1], jet[2]) for jet in jets]
-        for number, (primary, jet, normal) in enumerate(zip(self.pair.primaries, jets, normals, strict=True), 1):
+        self.check_folds(q, x)
+        normals = [cross_product(jet[1], jet[2]) for jet in self.pair.evaluate_jets(q, x)]
+        sine = np.linalg.norm(cross_product(normalise_vectors(normals[0]), normalise_vectors(normals[1])), axis=1)
+        if sine.min() < POTENTIAL_TOLERANCES.touching_sine:
+            i = int(sine.argmin())
+            raise GeometryError(
+                f"the reshaped surfaces touch at an angle of {sine[i]:.2g} rad, at "
+                f"{self.pair.describe_place(q, x, i)}: choose other a and b"
+            )
+
+    def check_folds(self, q: Array, x: Array) -> None:
+        """Raise GeometryError where a reshaped surface turns over on itself, at solutions (n, ..) at x (n,)."""
+        for number, (primary, jet) in enumerate(
+            zip(self.pair.primaries, self.pair.evaluate_jets(q, x), strict=True), 1
+        ):
+            normal = cross_product(jet[1], jet[2])
             original = primary.jet(q[:, 2 * number - 2 : 2 * number])
             same_side = (normal * cross_product(original[1], original[2])).sum(axis=1)
             reversed_both = ((jet[1] * original[1]).sum(axis=1) < 0) & ((jet[2] * original[2]).sum(axis=1) < 0)
@@ -250,16 +262,9 @@ class IntersectionCurves(Generic[Pair]):
                     f"{self.pair.describe_place(q, x, int(folded.argmax()))}: choose a smaller {'ab'[number - 1]}, or "
                     "smaller amounts"
                 )
-        sine = np.linalg.norm(cross_product(normalise_vectors(normals[0]), normalise_vectors(normals[1])), axis=1)
-        if sine.min() < POTENTIAL_TOLERANCES.touching_sine:
-            i = int(sine.argmin())
-            raise GeometryError(
-                f"the reshaped surfaces touch at an angle of {sine[i]:.2g} rad, at "
-                f"{self.pair.describe_place(q, x, i)}: choose other a and b"
-            )
 
 
-def map_rates_to_space(rates: Array, jets: tuple[Array, Array], side: int) -> Array:
+def map_rates_to_space(rates: Array, jets: tuple[Array, ...], side: int) -> Array:
     """Return the vectors (n, 3) in the tangent planes of side 0 or 1 that rates (n, 4) of the parameters stand for."""
     uv_rates = rates[:, 2 * side : 2 * side + 2]
     return np.asarray(uv_rates[:, :1] * jets[side][1] + uv_rates[:, 1:] * jets[side][2])

@@ -34,9 +34,9 @@ class FamilyPair:
         Size of the surfaces, mm, that residuals and steps are relative to.
     """
 
-    families: tuple[Family, Family]
+    families: tuple[Family, ...]
     s: Curve
-    courses: tuple[Course, Course]
+    courses: tuple[Course, ...]
     bounds: Array
     scale: float
 
@@ -49,15 +49,15 @@ class FamilyPair:
         bounds = np.concatenate([family.bounds() for family in families])
         return FamilyPair(families, s, courses, bounds, min(family.size() for family in families))
 
-    def evaluate_jets(self, q: Array, x: Array) -> tuple[Array, Array]:
+    def evaluate_jets(self, q: Array, x: Array) -> tuple[Array, ...]:
         """Return S, Su, Sv, Sx, (4, n, 3), of both surfaces at parameters (n, 4) and x (n,)."""
         (first, second), (first_course, second_course) = self.families, self.courses
         return first.jet(q[:, :2], first_course(x)), second.jet(q[:, 2:], second_course(x))
 
     @property
-    def primaries(self) -> tuple[Primary, Primary]:
-        """The two surfaces as they are before they are reshaped."""
-        return self.families[0].primary, self.families[1].primary
+    def primaries(self) -> tuple[Primary, ...]:
+        """The surfaces as they are before they are reshaped."""
+        return tuple(family.primary for family in self.families)
 
     def describe_place(self, q: Array, x: Array, row: int) -> str:
         """Describe one of n places q (n, 4) at x (n,) for messages: s of both surfaces, and the coordinates."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,7 +111,7 @@ class Sweep:
             There is none, or the curves may not be trimmed: they are closed, or run along a parameter from end to end.
         """
         family_pair = self.curves.pair
-        outside = family_pair.measure_outside(self.q.reshape(-1, 4)).max(axis=1).reshape(self.q.shape[:2])
+        outside = family_pair.measure_outside(self.q.reshape(-1, self.q.shape[2])).max(axis=1).reshape(self.q.shape[:2])
         inside = (outside <= POTENTIAL_TOLERANCES.domain).all(axis=1)
         if inside.all():
             return self
@@ -132,7 +133,7 @@ class Sweep:
         high = self.t[-1] if last == len(inside) - 1 else self._find_domain_exit(self.t[last], self.t[last + 1])
         t = np.linspace(low, high, POTENTIAL_LIMITS.table_stations)
         tt, xx = (grid.ravel() for grid in np.meshgrid(t, self.x, indexing="ij"))
-        return replace(self, t=t, q=self.solve_parameters(tt, xx).reshape(len(t), len(self.x), 4))
+        return replace(self, t=t, q=self.solve_parameters(tt, xx).reshape(len(t), len(self.x), -1))
 
     def _find_domain_exit(self, inside: float, outside: float) -> float:
         """Return the last t, from ``inside`` to ``outside``, at which all curves are on both surfaces, by bisection."""
@@ -226,7 +227,25 @@ class Sweep:
 
 def sweep_branch(family_pair: FamilyPair, branch: IntersectionBranch, x0: float) -> Sweep:
     """Continue one branch of the intersection at x0 to all x of the relation."""
+    stations = place_stations(family_pair, branch)
+    x = np.union1d(np.linspace(0, 1, POTENTIAL_LIMITS.table_x_values), x0)
+    curves = IntersectionCurves(family_pair, stations.cut)
+    table = curves.continue_solutions(stations.start, stations.t, x0, x)
+    return Sweep(curves, branch.closed, stations.t, x, table).trim_to_domains()
+
+
+class BranchStations(NamedTuple):
+    """Stations ``t`` (k,) of a branch, the condition that selects their points, and the parameters ``start`` there."""
+
+    cut: CutCondition
+    t: Array
+    start: Array
+
+
+def place_stations(family_pair: FamilyPair, branch: IntersectionBranch) -> BranchStations:
+    """Return stations along a branch: at values of a parameter that goes along it steadily, else in planes across."""
     branch = _restart_off_knots(family_pair, branch) if branch.closed else branch
+    count = branch.parameters.shape[1]
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(branch.points, axis=0), axis=1)))
     length_share = length / length[-1]
     values = np.concatenate([branch.parameters, branch.points], axis=1)
@@ -235,22 +254,21 @@ def sweep_branch(family_pair: FamilyPair, branch: IntersectionBranch, x0: float)
     axis = _find_steady_parameter(family_pair, branch, branch_curve)
     cut: CutCondition
     if axis is None:
-        points, velocities, start = branch_curve[4:], branch_curve[4:].derivative(), branch_curve(t)[:, :4]
+        points, velocities = branch_curve[count:], branch_curve[count:].derivative()
+        start = branch_curve(t)[:, :count]
         cut = PlaneCut(lambda t: (points(t), normalise_vectors(velocities(t))))
     else:
         first, last = branch.parameters[[0, -1], axis].tolist()
         cut = IsoparametricCut(axis, first, last, float(length[-1] / abs(last - first)))
         shares = np.interp(t, (branch.parameters[:, axis] - first) / (last - first), length_share)
-        start = branch_curve(shares)[:, :4]
-    x = np.union1d(np.linspace(0, 1, POTENTIAL_LIMITS.table_x_values), x0)
-    curves = IntersectionCurves(family_pair, cut)
-    return Sweep(curves, branch.closed, t, x, curves.continue_solutions(start, t, x0, x)).trim_to_domains()
+        start = branch_curve(shares)[:, :count]
+    return BranchStations(cut, t, start)
 
 
 def _restart_off_knots(family_pair: FamilyPair, branch: IntersectionBranch) -> IntersectionBranch:
     """Return a closed branch that starts where it is farthest from knot lines and seams, in shares of the domains."""
     clearance = np.full(len(branch.parameters) - 1, np.inf)
-    for axis in range(4):
+    for axis in range(branch.parameters.shape[1]):
         primary = family_pair.families[axis // 2].primary
         breaks, period = primary.breaks[axis % 2], primary.periods[axis % 2]
         distances = branch.parameters[:-1, axis, None] - (breaks if period is not None else breaks[1:-1])
@@ -285,9 +303,9 @@ def _find_steady_parameter(family_pair: FamilyPair, branch: IntersectionBranch, 
 
     It must run over the whole domain, or over a period if the branch is closed.
     """
-    rates = branch_curve.derivative()(np.linspace(0, 1, POTENTIAL_LIMITS.branch_samples))[:, :4]
+    rates = branch_curve.derivative()(np.linspace(0, 1, POTENTIAL_LIMITS.branch_samples))
     best, steady = POTENTIAL_TOLERANCES.relative_speed, None
-    for axis in range(4):
+    for axis in range(branch.parameters.shape[1]):
         low, high = family_pair.bounds[axis]
         change = branch.parameters[-1, axis] - branch.parameters[0, axis]
         if np.isfinite(low):

@@ -116,6 +116,16 @@ class PotentialTolerances:
     table_fit: float = 1 / 16
     """Largest error of interpolated sections, as a share of the tolerance of the interior."""
 
+    gradient_step: float = 1e-5
+    """Step of the differences by which the gradient of an implicit surface is checked, as a share of the size of the
+    other one."""
+
+    gradient_error: float = 1e-4
+    """Largest difference of a gradient from these, as a share of the largest gradient."""
+
+    strip_fit: float = 1e-10
+    """Largest error of rail and derivative on an implicit surface, as a share of the size of the other one."""
+
     rail_fit: float = 1 / 16
     """Tolerance of the rails, as a share of that of the interior."""
 
@@ -135,6 +145,21 @@ class PotentialLimits:
 
     projection_steps: int = 25
     """Gauss-Newton steps that project candidates onto both surfaces."""
+
+    gradient_samples: int = 17
+    """Places in both directions at which the gradient of an implicit surface is checked."""
+
+    contour_cells: int = 96
+    """Cells in both directions of the grid on which contours are found."""
+
+    shortest_contour: int = 4
+    """Cells that a contour crosses at least."""
+
+    branch_points: int = 128
+    """Points of a contour."""
+
+    branch_rounds: int = 2
+    """How often these are spaced evenly and corrected."""
 
     tracing_steps: int = 5_000
     """Largest number of steps along one branch."""

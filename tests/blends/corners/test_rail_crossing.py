@@ -6,7 +6,7 @@ from plane_corners import PlaneCorner
 
 from cqblend.blends.corners.rail_crossing import build_end_section, cross_end_tangents, cross_rails
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve
+from cqblend.splines import Curve, Surface
 
 ARC = Curve.bezier([[-1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0]])
 """A parabola, y = 1 - x^2, t from 0 to 1 as x from -1 to 1."""
@@ -47,3 +47,9 @@ def test_end_sections_leave_in_the_direction_of_the_other_rails():
     for t, other in zip((0.0, 1.0), others, strict=True):
         assert np.linalg.norm(np.cross(section(t, 1), other)) < 1e-13
         assert np.abs(section(t) - strip(stops[int(t)], t)).max() < 1e-14
+
+
+def test_a_rail_along_the_own_one_is_refused():
+    strip = Surface.from_rows([Curve.bezier([[0.0, y, 0.0], [4.0, y, 0.0]]) for y in (0.0, 1.0)])
+    with pytest.raises(GeometryError, match="run in one direction"):
+        build_end_section(strip, np.array([0.5, 0.5]), np.array([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]))

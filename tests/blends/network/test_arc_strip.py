@@ -97,6 +97,17 @@ def test_curves_are_taken_to_the_parameters_of_the_surface(strip):
     assert np.abs(back - curve(t).T).max() < 1e-14
 
 
+def test_parameters_of_the_spline_lead_back(strip):
+    s, v = (grid.ravel() for grid in np.meshgrid(np.linspace(*strip.domain, 9), np.linspace(0, 1, 5)))
+    found = strip.map_from_blend(strip.section.map_to_spline(s, v))
+    assert np.abs(found - np.stack([s, v], axis=1)).max() < 1e-13 * max(1.0, strip.domain[1])
+    low, high = strip.to_rail_parameters(np.array(strip.domain)).tolist()
+    curve = Curve.bezier([[low, 0.0], [0.4 * low + 0.6 * high, 0.5], [high, 1.0]])
+    x = np.linspace(0, 1, 21)
+    gap = np.abs(strip.map_curve_from_blend(curve)(x) - strip.map_from_blend(curve(x))).max()
+    assert gap < 2e-12 * max(1.0, strip.domain[1])
+
+
 def test_parameters_of_rails_run_through_their_breaks(strip):
     section = strip.section
     assert np.abs(strip.to_rail_parameters(section.stops) - section.breaks).max() < 1e-15

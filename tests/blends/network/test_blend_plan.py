@@ -16,6 +16,7 @@ from cqblend.blends.network.blend_plan import (
     FacePlan,
     KeptEdge,
     NewEdge,
+    PatchPlan,
     PlannedPcurve,
     PlannedSurface,
     PlannedVertex,
@@ -88,3 +89,11 @@ def test_plans_need_no_kernel():
     code = "import sys, cqblend.blends.network.blend_plan; print(any(name.startswith('OCP') for name in sys.modules))"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert shown.strip() == "False"
+
+
+def test_patches_of_corners_count_and_are_printed():
+    spoke = edge("spoke", 0, 2, 3)
+    made = dataclasses.replace(plan(), patches=(PatchPlan(7, (11, 14), PATCH, (EdgeUse(FIRST), EdgeUse(spoke))),))
+    assert spoke in made.edges
+    assert len(made.edges) == len(plan().edges) + 1
+    assert "patch at vertex 7 between edges 11, 14, 2 sides" in str(made)

@@ -72,6 +72,14 @@ def test_the_rational_spline_is_the_same_surface(strip):
     assert np.abs(spline(*strip.section.map_to_spline(S, V).T) - strip(S, V)).max() < 1e-13
 
 
+def test_parameters_of_the_spline_lead_back(strip):
+    tv = strip.section.map_to_spline(S, V)
+    assert np.abs(strip.map_from_blend(tv) - np.stack([S, V], axis=1)).max() < 1e-14
+    curve = Curve.bezier([[0.2, 0.1], [0.4, 0.5], [0.5, 0.9]])
+    x = np.linspace(0, 1, 21)
+    assert np.abs(strip.map_curve_from_blend(curve)(x) - strip.map_from_blend(curve(x))).max() < 2e-12
+
+
 def test_parameters_on_the_sphere_lead_back(strip):
     s, v = strip.section.map_from_surface(strip.section.map_to_surface(S, V))
     assert np.abs(s - S).max() < 1e-12
