@@ -17,7 +17,7 @@ from cqblend.brep.shell_editing.mitre_curve import RailsApartError
 from cqblend.brep.shell_editing.strip_placement import StripPlacement, place_strip
 from cqblend.brep.shell_editing.strip_planning import FaultyChainError, PlacedChain, ShortChainsError, plan_network
 from cqblend.brep.topology import is_among
-from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
+from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, UnsupportedError, VerificationError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend
 from cqblend.solid_blends.end_plan import EndAttempts, EndMethod, EndPlan
@@ -84,12 +84,23 @@ class NetworkDrafts:
             divided = tuple(context.divide() for context in whole)
             if any(one is not context for one, context in zip(divided, whole, strict=True)):
                 self._take_chains(divided)
+                self._check_corners()
                 return self._draft_first_ends()
         except CqblendError:
             if any(context.must_be_divided for context in whole):
                 raise
             self._take_chains(whole)
         return self._draft_first_ends()
+
+    def _check_corners(self) -> None:
+        """Raise UnsupportedError if a rail runs on a face beyond that at its edge where it meets another blend."""
+        for end in (end for corner in self.corners for end in corner.ends):
+            joint = self.chains[end.chain].end_joints[end.end]
+            if joint.faces_at_edge is not None:
+                raise UnsupportedError(
+                    f"the rail of {joint.name} has gone on over a smooth edge where it meets another blend, at "
+                    f"{joint.name_end(end.end)}: corners are not built there; take a smaller size"
+                )
 
     def _draft_first_ends(self) -> tuple[ChainDraft, ...]:
         """Return drafts with the first ends that can be built."""

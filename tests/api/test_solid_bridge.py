@@ -128,6 +128,32 @@ def test_openings_keep_their_faces():
     assert sorted(face.Area() for face in holes) == pytest.approx([60 - 4 * np.pi] * 2)
 
 
+@pytest.mark.parametrize("continuity", ["G1", "G2"])
+@pytest.mark.parametrize(("outline", "faces"), [("rectangle", 4), ("rounded", 1), ("triangle", 4)])
+def test_openings_of_any_outline_have_room_for_what_leaves_into_them(outline, faces, continuity):
+    low, high = block(size=(20, 16, 4)), block(x=2, y=1, z=20, size=(20, 16, 4))
+    sketch = cq.Workplane(origin=(0, 0, 2))
+    prism = sketch.polygon(3, 8).extrude(1) if outline == "triangle" else sketch.rect(8, 6).extrude(1)
+    roof = cq.Workplane(origin=(0, 0, 17)).rect(6, 6).extrude(1)
+    if outline == "rounded":
+        prism, roof = prism.edges("|Z").fillet(1), roof.edges("|Z").fillet(2)
+    sides = [
+        (low.faces(">Z").val(), prism.faces("<Z").wires().val()),
+        (high.faces("<Z").val(), roof.faces(">Z").wires().val()),
+    ]
+    result = cqblend.bridge([low.val(), high.val()], *sides, continuity=continuity)
+    check(result, faces=faces)
+    assert measured_angle(result) < 1e-10
+
+
+def test_a_bridged_body_is_worked_on():
+    low, high = pillar(5), pillar(3, x=6, z=20)
+    bridged = cq.Workplane(cqblend.bridge([low.val(), high.val()], low.faces(">Z"), high.faces("<Z")).shape)
+    assert bridged.faces(">Z").shell(-0.5).val().isValid()
+    assert bridged.cut(block(z=12, size=(40, 2, 2))).val().isValid()
+    assert cqblend.blend_edges(bridged, bridged.edges(">Z"), 0.5).shape.isValid()
+
+
 def test_an_opening_given_as_a_curve_in_the_parameters_of_its_face():
     tank, pipe = pillar(5, height=20), cq.Workplane("YZ", origin=(-25, 0, 10)).circle(2).extrude(5)
     wall = tank.faces("%CYLINDER").val()

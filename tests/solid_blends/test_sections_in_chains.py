@@ -70,3 +70,21 @@ def solid_wall_distance(point, solid):
     """Return the distance of a point from the upright faces."""
     vertex = cq.Vertex.makeVertex(*point)
     return min(face.distance(vertex) for face in solid.Faces() if abs(face.normalAt().z) < 0.5)
+
+
+@pytest.mark.parametrize("section", ["potential", "pde", "pde, order 6", "pde, local"])
+def test_corners_are_as_exact(section):
+    """Three edges that meet in a vertex of a box, which is cut through afterwards."""
+    box = cq.Workplane().box(30, 20, 12)
+    edges = [edge for edge in box.edges().vals() if any(v.toTuple() == (15, 10, 6) for v in edge.Vertices())]
+    assert len(edges) == 3
+    result = cqblend.blend_edges(box, edges, **SECTIONS[section])
+    certificate = result.certificate
+    assert certificate.valid
+    assert result.shape.isValid()
+    assert max(edge.gap for edge in certificate.edges) < 1e-9
+    assert max(edge.angle for edge in certificate.edges if edge.kind == "between") < 1e-10
+    knife = cq.Workplane().box(40, 40, 40).translate((0, 0, 25)).val()
+    parts = result.shape.cut(knife), result.shape.intersect(knife)
+    assert all(part.isValid() for part in parts)
+    assert abs(sum(part.Volume() for part in parts) - result.shape.Volume()) < 1e-6 * result.shape.Volume()

@@ -9,7 +9,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.GeomAbs import GeomAbs_Cylinder
 
 import cqblend
-from cqblend.errors import SizeError
+from cqblend.errors import SizeError, UnsupportedError
 
 
 def pick_edge(body: cq.Workplane, point: tuple[float, float, float]) -> cq.Workplane:
@@ -152,6 +152,21 @@ def test_no_ball_of_that_size_is_refused_with_the_obstacle(make_body: Callable[[
     body = make_body()
     with pytest.raises(SizeError, match="face 5 is only"):
         cqblend.blend_edges(body, pick_edge(body, point), size)
+
+
+def test_rim_of_a_disc_runs_on_the_rim_above():
+    body = cq.Workplane().circle(10).extrude(3).faces(">Z").edges().fillet(2)
+    rim = body.faces("<Z").edges()
+    blended = cqblend.blend_edges(body, rim, 1.4)
+    assert len(blended.faces) == 1
+    assert len(blended.shape.Faces()) == 4
+    check_sound(body, blended, rim.fillet(1.4))
+
+
+def test_no_corner_beside_a_rail_that_has_left_its_face():
+    body = make_slab(3, 2)
+    with pytest.raises(UnsupportedError, match="has gone on over a smooth edge where it meets another blend"):
+        cqblend.blend_edges(body, [pick_edge(body, (0, 6, 0)).val(), pick_edge(body, (10, 0, 0)).val()], 1.4)
 
 
 def test_largest_size_reaches_beyond_the_wall():

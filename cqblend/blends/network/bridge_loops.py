@@ -170,30 +170,58 @@ class RailLoop:
         """How little room (1/mm) a bridge has that leaves into the opening, over the length of the loop.
 
         That is about the curvature of the largest circle there that touches the loop and the side of the opening that
-        faces it, or half of that of the loop itself, if it is more. It is smooth, and never much below either.
+        faces it, or a share of that of the loop itself, if it is more. Where a loop has corners, in which no circle
+        fits, it is nowhere less than of the largest circle of all. It is smooth, and never much below these.
         """
-        s, step = self._sampled_lengths, self.length / BRIDGE_TOLERANCES.loop_samples
+        step, tangents, away = self.length / BRIDGE_TOLERANCES.loop_samples, *self._sampled_directions
+        rates = (np.roll(tangents, -1, axis=0) - np.roll(tangents, 1, axis=0)) / (2 * step)
+        bends = BRIDGE_TOLERANCES.bend_weight * (rates * away).sum(axis=1)
+        corners = np.round(self.breaks / step).astype(int)
+        bends[np.mod(np.add.outer(corners, [-1, 0, 1]), len(bends))] = 0.0
+        arms, cosines = self.samples[None] - self.samples[:, None], tangents @ tangents.T
+        depths, squares = 2 * np.einsum("ijk,ik->ij", arms, away), (arms**2).sum(axis=-1)
+
+        def measure_circles(facing: Array) -> Array:
+            """Return the curvatures (n,) of the circles that touch parts of the loop that face the points."""
+            return np.asarray((depths / np.where(facing, squares, np.inf)).max(axis=1))
+
+        facing = cosines < BRIDGE_TOLERANCES.facing_cosine
+        tight = np.maximum(bends, measure_circles(facing & ~self._sampled_neighbours))
+        if len(self.breaks):
+            everywhere = measure_circles(squares > 0)
+            inside = everywhere[everywhere > 0]
+            tight = np.maximum(tight, inside.min() if len(inside) else 0.0)
+        return self._smooth(np.maximum(tight, 0.0))
+
+    @property
+    def _sampled_directions(self) -> tuple[Array, Array]:
+        """Tangents (n, 3) at equal distances, and the directions (n, 3) square to them in which the bridge leaves."""
+        s = self._sampled_lengths
         tangents, away = self.evaluate(s)[1], np.empty((len(s), 3))
         index = np.searchsorted(self.starts, s, side="right") - 1
         for k in np.unique(index).tolist():
             here, support = index == k, self.pieces[k].support
             normals = support.primary.evaluate_normals(self.pieces[k].locate(s[here] - self.starts[k]))
             away[here] = self.outward * support.outward * cross_product(normals, tangents[here])
-        rates = (np.roll(tangents, -1, axis=0) - np.roll(tangents, 1, axis=0)) / (2 * step)
-        bends = (rates * away).sum(axis=1) / 2
-        corners = np.round(self.breaks / step).astype(int)
-        bends[np.mod(np.add.outer(corners, [-1, 0, 1]), len(s))] = 0.0
-        arms = self.samples[None] - self.samples[:, None]
-        facing = tangents @ tangents.T < BRIDGE_TOLERANCES.facing_cosine
-        squares = np.where(facing, (arms**2).sum(axis=-1), np.inf)
-        across = (2 * np.einsum("ijk,ik->ij", arms, away) / squares).max(axis=1)
-        tight = np.maximum(np.maximum(bends, across), 0.0)
-        reach = BRIDGE_TOLERANCES.tightness_reach
-        shifts = range(-round(reach * len(s)), round(reach * len(s)) + 1)
-        largest = np.max([np.roll(tight, shift) for shift in shifts], axis=0)
-        decay = np.exp(-2 * (np.pi * reach * np.arange(len(s) // 2 + 1)) ** 2)
-        smooth = np.maximum(np.fft.irfft(np.fft.rfft(largest) * decay, len(s)), 0.0)
-        return interpolate(np.append(s, self.length), np.append(smooth, smooth[0])[:, None], periodic=True)
+        return tangents, away
+
+    @property
+    def _sampled_neighbours(self) -> Array:
+        """Which points (n, n) at equal distances are on two parts of the loop that meet in a corner."""
+        count = len(self.breaks)
+        part = np.searchsorted(self.breaks, self._sampled_lengths, side="right") % max(count, 1)
+        apart = np.mod(part[:, None] - part[None], max(count, 1))
+        return np.asarray(((apart == 1) | (apart == count - 1)) & (apart != 0))
+
+    def _smooth(self, values: Array) -> Curve:
+        """Return values (n,) at equal distances as a smooth function that is about the largest of those nearby."""
+        count, reach = len(values), BRIDGE_TOLERANCES.tightness_reach
+        shifts = range(-round(reach * count), round(reach * count) + 1)
+        largest = np.max([np.roll(values, shift) for shift in shifts], axis=0)
+        decay = np.exp(-2 * (np.pi * reach * np.arange(count // 2 + 1)) ** 2)
+        smooth = np.maximum(np.fft.irfft(np.fft.rfft(largest) * decay, count), 0.0)
+        s = np.append(self._sampled_lengths, self.length)
+        return interpolate(s, np.append(smooth, smooth[0])[:, None], periodic=True)
 
     @cached_property
     def centre(self) -> Array:

@@ -88,6 +88,7 @@ class _CellContacts:
 
     pairing: RailPairing
     runs: tuple[RailRun, RailRun]
+    orders: tuple[int, int]
 
     @property
     def primaries(self) -> tuple[Primary, Primary]:
@@ -109,21 +110,22 @@ class _CellContacts:
             normals = normalise_vectors(cross_product(jet[1], jet[2]))
             outward = loop.outward * run.support.outward * cross_product(normals, tangents)
             tightness = np.maximum(loop.tightness(np.mod(positions[side], loop.length))[:, 0], 0.0)
-            lengths.append(choose_cross_lengths(outward, chord * (1 - 2 * side), tightness))
+            limits = tightness / BRIDGE_TOLERANCES.inset[self.orders[side]]
+            lengths.append(choose_cross_lengths(outward, chord * (1 - 2 * side), limits))
         return Contacts(t, points.mean(axis=0), (first, second), np.stack(lengths))
 
 
-def choose_cross_lengths(outward: Array, chords: Array, tightness: Array) -> Array:
+def choose_cross_lengths(outward: Array, chords: Array, limits: Array) -> Array:
     """Return the lengths (n,) of the cross derivatives, before any bulge.
 
     They are about those of circular arcs that leave in the unit directions ``outward`` (n, 3) to the ends of ``chords``
-    (n, 3), 2 |d| / (1 + cos); but shorter where an opening has little room for them, by its ``tightness`` (n,), 1/mm,
+    (n, 3), 2 |d| / (1 + cos); but shorter where an opening has little room for them, less than 1 over ``limits`` (n,)
     however far the other rail is.
     """
     distance = measure_lengths(chords)
     cosine = (outward * chords).sum(axis=1) / distance
     lengths = 2 * distance / np.hypot(1 + cosine, BRIDGE_TOLERANCES.turn_softening)
-    return np.asarray(lengths / (1 + lengths * tightness / BRIDGE_TOLERANCES.inset))
+    return np.asarray(lengths / (1 + lengths * limits))
 
 
 def fit_bridge_ribbons(pairing: RailPairing, wanted: BridgeDirections) -> list[BridgeCell]:
@@ -192,7 +194,7 @@ class _CellRun:
             RailRun.from_loop(loop, tuple(pairing.find_positions(side, np.array(domain)).tolist()), closed)
             for side, loop in enumerate(pairing.loops)
         )
-        return cls(_CellContacts(pairing, (first, second)), domain, wanted)
+        return cls(_CellContacts(pairing, (first, second), wanted.orders), domain, wanted)
 
     @cached_property
     def size(self) -> float:

@@ -214,8 +214,12 @@ class BridgeTolerances:
     """Softening of 1 + cos in the length of arcs, by the angle between tangent and chord, so that those that leave
     backwards stay short: they have at most so many chords as 2 over this."""
 
-    inset: float = 2.0
-    """Largest length of cross derivatives that lead into an opening, in radii of the largest circle in it there."""
+    inset: tuple[float, float, float, float] = (2.0, 2.0, 1.4, 1.1)
+    """Largest length of cross derivatives that lead into an opening, in radii of the largest circle in it there, by the
+    order of continuity: sections of a higher order go on further at the same length."""
+
+    bend_weight: float = 0.75
+    """Share of the curvature of a loop that counts like that of the largest circle in the opening."""
 
     facing_cosine: float = -0.75
     """Cosine between the tangents of a loop below which parts of it face each other across the opening."""

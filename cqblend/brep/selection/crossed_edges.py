@@ -16,25 +16,11 @@ from cqblend.brep.selection.chains import Junction
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.topology import ShapeIndex, is_among, make_vertex, orient_forward
-from cqblend.errors import UnsupportedError
 from cqblend.splines.bernstein import Array
 
 
 def read_crossings(before: Joint, after: Joint, junction: Junction) -> Crossings:
-    """Return the smooth edges that the rails cross at a junction of two cells.
-
-    Raises
-    ------
-    UnsupportedError
-        If a rail crosses several of them at once.
-    """
-    for crossed in junction.crossed:
-        if len(crossed) > 1:
-            names = ", ".join(map(before.name_part, crossed))
-            raise UnsupportedError(
-                f"at {before.name_end(1)} the rail crosses {names} one after the other: faces that touch the chain "
-                "in a point only are not built yet"
-            )
+    """Return the smooth edges that the rails cross at a junction of two cells, one on either side at most."""
     first, second = (
         _read_crossed_edge(crossed[0], one, other) if crossed else None
         for crossed, one, other in zip(junction.crossed, before.sides, after.sides, strict=True)

@@ -67,7 +67,8 @@ def find_lost_parts(
     numbers = map(placements[0].index.edges.find_number, chain.edges)
     remainders: dict[int, tuple[EdgePiece, ...]] = dict.fromkeys(numbers, ())
     kept: list[TopoDS_Vertex] = []
-    for k, (placement, start, stop) in enumerate(zip(placements, *ends, strict=True)):
+    cells = [] if chain.closed else list(zip(placements, *ends, strict=True))
+    for k, (placement, start, stop) in enumerate(cells):
         own = caps[0] if k == 0 else None, caps[1] if k == len(placements) - 1 else None
         kept += list_kept_vertices(placement, own)
         for number, pieces in plan_edge_remainders(placement, (start, stop), own).items():

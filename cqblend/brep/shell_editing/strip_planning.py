@@ -218,7 +218,8 @@ def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) ->
     placements, chain = placed.placements, placed.chain
     if chain.closed and not chain.junctions:
         (placement,) = placements
-        return _finish_chain(placement.index, [_plan_ring(placement)])
+        lost = None if chain.divides is None else find_lost_parts(placements, chain, (), ((), ()), placed.caps)
+        return _finish_chain(placement.index, [_plan_ring(placement, lost)], lost)
     joined = join_chain(placements, chain)
     starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
     if outer is None:
@@ -272,11 +273,15 @@ class _PlannedCell:
     ends: tuple[StripEnd, ...] = ()
 
 
-def _plan_ring(placement: StripPlacement) -> _PlannedCell:
-    """Plan a strip that closes by itself, in a seam."""
+def _plan_ring(placement: StripPlacement, lost: LostParts | None) -> _PlannedCell:
+    """Plan a strip that closes by itself, in a seam; ``lost`` is what goes under it, if it is on faces beyond."""
     low, high = placement.domain
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
-    removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), list_spine_vertices(placement))
+    removed = (
+        SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), list_spine_vertices(placement))
+        if lost is None
+        else SpineRemoval({}, lost.vertices)
+    )
     first, second = (
         trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), joined=(True, True)), removed)
         for i, corner in enumerate(corners)

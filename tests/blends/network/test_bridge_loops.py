@@ -56,9 +56,17 @@ def test_room_in_an_opening_is_that_of_the_largest_circle():
     assert circle.tightness(s)[:, 0] == pytest.approx(np.full(33, 1 / 2.5), rel=1e-3)
     oval = make_loop([make_ring(3.0, 1.0, 0.0)])
     found = oval.tightness(np.array([0.0, oval.length / 4]))[:, 0]
-    assert 1.4 < found[0] < 1.6  # at the tip the radius of curvature is b^2 / a = 1/3, which counts half
+    assert 2.0 < found[0] < 2.4  # three quarters of the curvature at the tip, a / b^2 = 3
     assert 0.95 < found[1] < 1.3  # in the middle the other side is 2 away
     assert np.abs(around_cylinder().tightness(s)).max() < 1e-12  # a wall goes on straight
+
+
+def test_room_beside_corners_is_that_of_the_largest_circle_of_all():
+    """Of the triangle with sides 3, 4, 5 its radius is 1."""
+    corners = np.array([[0, 0, 0], [4, 0, 0], [0, 3, 0]], dtype=float)
+    sides = [Curve.bezier([one, other]) for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    loop = make_loop(sides, ["sharp"] * 3)
+    assert loop.tightness(np.array([0.0, 2.0, 4.0]))[:, 0] == pytest.approx([1, 1, 1], rel=1e-2)
 
 
 def test_corners_are_breaks_and_bends_are_none():
