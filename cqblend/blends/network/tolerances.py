@@ -44,7 +44,7 @@ class NetworkTolerances:
     coincident_lines: float = 1e-7
     """Radians: straight curves that leave a common end at less lie on each other."""
 
-    cut_fit: float = 1e-12
+    cut_fit: float = 1e-13
     """Relative to their size, at least 1: largest error of an ellipse in the parameters of its strip, as a spline."""
 
     mapped_rounding: float = 1e-14
