@@ -257,6 +257,8 @@ EDGE_OPTIONS = {
     "tolerance": 1e-7,
     "angular_tolerance": 1e-5,
     "ends": "natural",
+    "corner": "auto",
+    "setback": None,
     "first": None,
     "on_error": "raise",
     "chain": True,

@@ -188,7 +188,7 @@ def test_a_corner_that_there_is_not_is_refused():
 
 def test_more_than_three_edges_beside_sharp_ones_are_refused():
     body = make_pyramid(5)
-    with pytest.raises(UnsupportedError, match=r"4 of the edges meet .*, and others, too"):
+    with pytest.raises(UnsupportedError, match=r"4 of the edges meet .*, beside others, sharp or smooth"):
         cqblend.blend_edges(body, find_edges_at(body, (0, 0, 6))[:4], 0.5)
 
 

@@ -53,11 +53,12 @@ def test_edges_that_touch_are_left_out_together():
     box = cq.Workplane().box(30, 20, 10)
     corner = [*box.edges("|Z and >X and >Y").vals(), *box.edges(">Z and >X").vals()]
     alone = box.edges("|Z and <X and <Y").vals()
-    result = cqblend.blend_edges(box, [corner[0], alone[0], corner[1]], 2, on_error="skip")
+    sizes = {corner[0]: 2.0, alone[0]: 2.0, corner[1]: 11.0}
+    result = cqblend.blend_edges(box, list(sizes), sizes, on_error="skip")
     number = {edge: box.val().Edges().index(edge) + 1 for edge in (*corner, *alone)}
     (left_out,) = result.skipped
     assert set(left_out.edges) == {number[edge] for edge in corner}
-    assert left_out.kind == "UnsupportedError"
+    assert left_out.kind == "too large"
     assert len(result.faces) == 1
     assert {rail.edge for rail in result.certificate.rails} == {number[alone[0]]}
 
@@ -77,7 +78,7 @@ def test_where_nothing_is_left_to_blend_the_error_is_raised():
     with pytest.raises(SizeError):
         cqblend.blend_edges(box, box.edges("|Z"), 30, on_error="skip")
     with pytest.raises(UnsupportedError):
-        cqblend.blend_edges(box, box.edges(">Z"), 1, on_error="skip")
+        cqblend.blend_edges(box, box.edges(">Z"), 1, hold=box.edges("<Z and >X").vals(), on_error="skip")
     with pytest.raises(SelectionError):
         cqblend.blend_edges(box, cq.Workplane().box(1, 1, 1).edges(), 1, on_error="skip")
 
