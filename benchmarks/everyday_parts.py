@@ -177,6 +177,5 @@ PARTS: tuple[Maker, ...] = (
     window_in_a_tube,
     foot_of_a_wing,
     foot_of_a_spout,
+    thread_crest,
 )
-HARD_PARTS: tuple[Maker, ...] = (thread_crest,)
-"""Parts that want something of their own: faces with lines where they are C0."""

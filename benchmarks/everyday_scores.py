@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from benchmarks.attempts import EXACT, Made, attempt, blended
 from benchmarks.blend_scores import Blended, Limits, Score, score_blend
-from benchmarks.everyday_parts import HARD_PARTS, PARTS, Maker
+from benchmarks.everyday_parts import PARTS, Maker
 from benchmarks.tables import Table
 
 
 def tabulate(timeout: float) -> Iterator[Table]:
     """Yield the table of all parts."""
-    rows = [_try_part(maker, timeout) for maker in (*PARTS, *HARD_PARTS)]
+    rows = [_try_part(maker, timeout) for maker in PARTS]
     yield Table("everyday", ("part", "cells", "radius, mm", "ms", "verdict", "why"), rows)
 
 

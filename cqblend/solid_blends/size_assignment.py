@@ -130,7 +130,7 @@ def check_edge_sizes(request: BlendRequest, shape: TopoDS_Shape, edges: Sequence
     picked, seen = {find_number(edge) for edge in edges}, set[tuple[str, int]]()
     for kind, edge in given:
         number = find_number(edge)
-        if number not in picked:
+        if not number or number not in picked:
             what = f"edge {number}, which is not picked" if number else "an edge that does not belong to the shape"
             raise InputError(f"a {kind} is given for {what}: a mapping has {kind}s of the edges that are blended")
         if (kind, number) in seen:

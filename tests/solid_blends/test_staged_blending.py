@@ -149,3 +149,16 @@ def test_the_certificate_says_that_patches_are_g1_beside_blends_of_g2():
     measured = [cqblend.continuity(result.shape, edge) for face in result.faces[3:] for edge in face.Edges()]
     assert max(jumps) == pytest.approx(max(one.curvature_jump for one in measured), rel=0.1)
     assert "curvature jump" in str(certificate)
+
+
+def test_edges_of_split_faces_are_passed_over_in_a_whole_selection():
+    halves = cq.Workplane().box(20, 10, 5).union(cq.Workplane().box(20, 10, 5).translate((20, 0, 0)), clean=False).val()
+    between = [edge for edge in halves.Edges() if abs(edge.Center().x - 10) < 1e-9]
+    assert len(between) == 4
+    result = cqblend.blend_edges(halves, halves.Edges(), 1.0)
+    assert {number for one in result.skipped for number in one.edges} == {
+        1 + k for k, edge in enumerate(halves.Edges()) if any(edge.isSame(one) for one in between)
+    }
+    assert {one.kind for one in result.skipped} == {"smooth"}
+    assert len(result.faces) == 12 + 8
+    assert result.certificate.coverage == 1

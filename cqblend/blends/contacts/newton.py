@@ -54,4 +54,4 @@ def solve_damped_newton(
         solved = (length < CONTACT_TOLERANCES.quadratic_step) & (size < CONTACT_TOLERANCES.quadratic_residual)
         if (settled | solved).all():
             return x, solved | (size < CONTACT_TOLERANCES.converged_residual)
-    return x, np.abs(system(x)[0]).max(axis=1) < CONTACT_TOLERANCES.converged_residual * scale
+    return x, np.abs(system(x)[0]).max(axis=1) < CONTACT_TOLERANCES.kinked_residual * scale

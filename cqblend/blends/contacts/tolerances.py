@@ -22,6 +22,8 @@ class ContactTolerances:
         The same share, below which it stops as soon as the residual no longer halves: what moves then is rounding.
     converged_residual
         The same share, up to which a result counts as a solution.
+    kinked_residual
+        The same where the iteration has not come to an end: it goes to and fro across a kink of a face.
     quadratic_step, quadratic_residual
         A step, as a share of the longest one, and the residual before it, as that share, that lead to the solution: the
         error left is about the square of the step.
@@ -81,6 +83,7 @@ class ContactTolerances:
     exact_residual: float = 1e-15
     stalled_residual: float = 1e-11
     converged_residual: float = 1e-9
+    kinked_residual: float = 1e-5
     quadratic_step: float = 1e-8
     quadratic_residual: float = 1e-6
     round_radii: tuple[float, float] = (0.99, 2.0)

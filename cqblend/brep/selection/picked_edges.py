@@ -308,7 +308,14 @@ class PickedEdges:
         SelectionError
             It is not a joint of two faces; see :func:`cqblend.brep.selection.chain_building.find_sharp_sides`.
         """
-        index, sides = find_sharp_sides(self._solids, self._find_current_edge(number), f"edge {number}")
+        current = self._find_current_edge(number)
+        if self._replaced_faces and not any(current in index.edges for index in self._solids):
+            raise SelectionError(
+                f"edge {number} is smooth already: the faces beside it are on one surface, and were taken as one",
+                kind="smooth",
+                value=0.0,
+            )
+        index, sides = find_sharp_sides(self._solids, current, f"edge {number}")
         trace = trace_chain(index, sides, may_follow or self._may_follow)
         start_number = self.list_picks([traced.use for traced in trace.edges])[0]
         start = self._find_current_edge(start_number)
