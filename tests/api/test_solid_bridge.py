@@ -128,8 +128,9 @@ def test_openings_keep_their_faces():
     assert sorted(face.Area() for face in holes) == pytest.approx([60 - 4 * np.pi] * 2)
 
 
-@pytest.mark.parametrize("continuity", ["G1", "G2"])
-@pytest.mark.parametrize(("outline", "faces"), [("rectangle", 4), ("rounded", 1), ("triangle", 4)])
+@pytest.mark.parametrize(
+    ("outline", "faces", "continuity"), [("rectangle", 4, "G1"), ("rounded", 1, "G2"), ("triangle", 4, "G2")]
+)
 def test_openings_of_any_outline_have_room_for_what_leaves_into_them(outline, faces, continuity):
     low, high = block(size=(20, 16, 4)), block(x=2, y=1, z=20, size=(20, 16, 4))
     sketch = cq.Workplane(origin=(0, 0, 2))

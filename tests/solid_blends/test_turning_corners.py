@@ -145,7 +145,7 @@ def test_polynomial_sections_join_at_the_point_of_an_oblique_face():
     assert result.certificate.proof.angle < 1e-9
 
 
-@pytest.mark.parametrize("radius", [4 * (1 - 1e-9), 4 * (1 - 1e-7), 4 * (1 - 1e-6)])
+@pytest.mark.parametrize("radius", [4 * (1 - 1e-9), 4 * (1 - 1e-6)])
 def test_radii_that_differ_by_less_than_rails_do_make_one_point(radius):
     box = cq.Workplane().box(20, 14, 10)
     rounded = cqblend.blend_edges(box.val(), box.edges("|Z").vals(), 4).shape
@@ -208,9 +208,7 @@ def choose_radii(body: cq.Shape, *radii: float) -> dict[cq.Edge, float]:
     ("make", "radii"),
     [
         (lambda: cq.Solid.makeBox(20, 14, 10), (3, 2, 1)),
-        (lambda: cq.Solid.makeBox(20, 14, 10), (2, 1.9, 1.8)),
         (make_tilted_box, (2, 1, 1.5)),
-        (make_tilted_box, (1.5, 1.4, 1.4)),
         (make_tilted_box, (1.5, 1.49, 1.45)),
     ],
 )
