@@ -10,7 +10,7 @@ other, which ends on it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -19,7 +19,7 @@ import numpy as np
 
 from cqblend.blend_options import CornerWanted
 from cqblend.blends.network.stage_order import Meeting, choose_leaders, find_stages
-from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres, order_all_ends
+from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres, group_ends, order_all_ends
 from cqblend.errors import UnsupportedError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -62,7 +62,8 @@ def plan_stages(
     UnsupportedError
         If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
-    meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
+    own = [context.chain for context in chains]
+    meetings = [_Meeting(chains, ends) for ends in group_ends(own).values() if len(ends) > 1]
     least = 4 if corner == "auto" and not patches_only else 3
     patched = [meeting for meeting in meetings if len(meeting.ends) >= least and meeting.is_all_around]
     meetings = [meeting for meeting in meetings if meeting not in patched]
@@ -78,7 +79,7 @@ def plan_stages(
                 "more than three are built where all edges are blended"
             )
     triples = [meeting for meeting in meetings if len(meeting.ends) == 3]
-    mitres = find_mitres([context.chain for context in chains])
+    mitres = find_mitres(own)
     mitred = {frozenset(corner.ends) for corner in mitres}
     before = [one.order for one in meetings if len(one.ends) == 2 and frozenset(one.ends) not in mitred]
     together = [(one.chain, other.chain) for meeting in patched for one, other in pairwise(meeting.ends)]
@@ -98,17 +99,6 @@ def plan_stages(
     corners = [meeting.round(one) for meeting, one in zip(triples, leaders, strict=True) if one is not None]
     stages = (tuple(k for k, stage in enumerate(stage_of) if stage == n) for n in range(max(stage_of) + 1))
     return NetworkStages(tuple(stages), tuple(corners), bool(mitres if corner == "mitre" else patched))
-
-
-def _find_meetings(chains: Sequence[ChainContext]) -> Mapping[int, list[ChainEnd]]:
-    """Return the ends of open chains at each vertex, by its number in the solid."""
-    found: dict[int, list[ChainEnd]] = {}
-    for k, context in enumerate(chains):
-        if not context.chain.closed:
-            for end, joint in enumerate(context.end_joints):
-                vertex = joint.index.vertices.find_number(joint.spine.vertices[end])
-                found.setdefault(vertex, []).append(ChainEnd(k, end))
-    return found
 
 
 @dataclass(frozen=True)

@@ -155,12 +155,6 @@ class StagedNetwork:
         ends = (chain.cells[0].spine.vertices[0], chain.cells[-1].spine.vertices[1])
         return [end for end in (0, 1) if is_among(ends[end], map(self._find_vertex, self.plan.corners))]
 
-    def is_corner(self, vertex: int) -> bool:
-        """Whether chains go on round a vertex, which is given by its number in the input."""
-        corners = self.plan.corners
-        joints = [self.chains[one.first.chain].end_joints[one.first.end] for one in corners]
-        return vertex in [j.find_vertex_number(c.first.end) for j, c in zip(joints, corners, strict=True)]
-
     def _find_vertex(self, corner: RoundedCorner) -> TopoDS_Vertex:
         """Return the vertex of a corner."""
         return self.chains[corner.first.chain].end_joints[corner.first.end].spine.vertices[corner.first.end]
@@ -320,4 +314,5 @@ def _certify(strip: StagedStrip, body: _Body) -> Certificate:
     if placed.cell or placed.draft.ends is None:
         return certificate
     ends = record_ends(context.end_joints, placed.draft.ends, placed.attempts)
-    return replace(certificate, ends=tuple(end for end in ends if not strip.network.is_corner(end.vertex)))
+    gone_round = strip.network.find_first_ends(context.chain)
+    return replace(certificate, ends=tuple(one for end, one in enumerate(ends) if end not in gone_round))
