@@ -33,8 +33,7 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 class DraftedNetwork:
     """A network of edges that touch, with the present draft of each of its chains.
 
-    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet;
-    ``natural_ends`` are natural, whatever ends were asked for.
+    ``corners`` are where ends of chains meet; ``natural_ends`` are natural, whatever ends were asked for.
 
     Raises
     ------
@@ -44,12 +43,10 @@ class DraftedNetwork:
 
     def __init__(
         self,
-        edges: Sequence[int],
         chains: Sequence[ChainContext],
         corners: Sequence[BlendCorner] = (),
         natural_ends: Sequence[ChainEnd] = (),
     ) -> None:
-        self.edges = tuple(edges)
         self.chains = tuple(chains)
         self._source = _choose_drafts(chains, corners, natural_ends)
         self.drafts = self._source.make_first()

@@ -115,7 +115,7 @@ class StagedNetwork:
         wanted = self.contexts.request.corner
         methods: tuple[CornerMethod, ...] = ("ball", "cross", "setback") if wanted == "auto" else (wanted,)
         corners = [*find_mitres(own), *find_blended_corners(own, methods, self._list_setbacks(own))]
-        return DraftedNetwork(self.edges, chains, corners, first_ends)
+        return DraftedNetwork(chains, corners, first_ends)
 
     def _list_setbacks(self, chains: Sequence[Chain]) -> dict[int, float]:
         """Return the setbacks that are asked for, by the index of the chain."""

@@ -13,9 +13,8 @@ import numpy as np
 from cqblend.blends.corners.tolerances import CORNER_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.evaluation import dehomogenise_derivatives
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -61,10 +60,3 @@ def choose_velocities(points: Array, directions: Array, *, is_reflex: bool) -> A
     if low * chord <= distances.min() and distances.max() <= high * chord:
         return np.asarray(share * distances[:, None] * directions)
     return chord * directions
-
-
-def evaluate_weighted_point(curve: Curve, t: float) -> tuple[Array, Array, float]:
-    """Return the point (3,), the unit tangent (3,) and the weight of a curve of homogeneous dim 4 at t."""
-    jet = curve.jet(np.array([t]), 1)[:, 0]
-    plain = dehomogenise_derivatives(jet[:, None, :, None])[:, 0, :, 0]
-    return plain[0], normalise_vectors(plain[1]), float(jet[0, 3])

@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from cqblend.blends.corners.tolerances import CORNER_TOLERANCES
 from cqblend.errors import SizeError
 
@@ -25,20 +23,6 @@ class Setback:
 
     wanted: float
     least: float
-
-
-def locate_crossing(own_width: float, other_width: float, angle: float) -> float:
-    """Return the distance from the vertex at which the rails of two blends cross, of widths on the face between them.
-
-    ``angle`` (rad) is that of the face at the vertex, more than pi if it is reflex.
-
-    Examples
-    --------
-    >>> round(locate_crossing(1.0, 2.0, np.pi / 2), 12)
-    2.0
-    """
-    sine = np.sin(angle)
-    return float((other_width + own_width * np.cos(angle)) / sine) if sine else np.inf
 
 
 def choose_setback(width: float, crossings: Sequence[float], attempt: int = 0) -> Setback:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plane_corners import PlaneCorner
 
-from cqblend.blends.corners.setbacks import Setback, choose_setback, fit_setback, locate_crossing
+from cqblend.blends.corners.setbacks import Setback, choose_setback, fit_setback
 from cqblend.errors import SizeError
 
 
@@ -14,8 +14,8 @@ def test_crossings_are_where_rails_cross(degrees):
     directions = [[1, 0, 0], [np.cos(angle), np.sin(angle), 0], [-0.1, 0.2, -1]]
     corner = PlaneCorner(directions, [(1, 0.7), (1.2, 1), (1, 1)])
     crossing = corner.cross_rails(0)
-    assert np.isclose(locate_crossing(0.7, 1.2, angle), crossing[0])
-    assert np.isclose(locate_crossing(1.2, 0.7, angle), crossing[1])
+    assert np.isclose((1.2 + 0.7 * np.cos(angle)) / np.sin(angle), crossing[0])
+    assert np.isclose((0.7 + 1.2 * np.cos(angle)) / np.sin(angle), crossing[1])
 
 
 def test_setbacks_are_longer_than_the_farthest_crossing():
